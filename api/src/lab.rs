@@ -1,0 +1,104 @@
+//! What a laboratory and the service say to each other. The laboratory dials out only.
+
+use crate::arena::Arena;
+use crate::experiment::Experiment;
+use crate::robot::LabRobot;
+use crate::run::{Fault, RunState};
+use serde::{Deserialize, Serialize};
+use uuid::Uuid;
+
+/// The laboratory's own file, `robopheus.lab/1`, and the body of `POST /api/v1/lab/register`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct LabDescription {
+    /// Always `robopheus.lab/1`.
+    pub format: String,
+    pub name: String,
+    pub arena: Arena,
+    pub robots: Vec<LabRobot>,
+}
+
+/// Body of `POST /api/v1/lab/claim` (long poll).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct ClaimRequest {
+    pub lab: String,
+    pub arena: String,
+    /// One per process start; the lease belongs to it.
+    pub instance: Uuid,
+    /// How long the service may hold the request, at most 30.
+    pub wait_s: f64,
+}
+
+/// Answer to a claim; `204 No Content` when nothing is to do.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct Assignment {
+    pub run_id: Uuid,
+    pub epoch: i64,
+    pub experiment: Experiment,
+    pub arena: Arena,
+    /// In the order of `experiment.robots`.
+    pub robots: Vec<LabRobot>,
+    #[cfg_attr(feature = "openapi", schema(value_type = Object))]
+    pub verdict: serde_json::Value,
+    /// The lease holds for this long from the moment the request was sent.
+    pub lease_s: f64,
+}
+
+/// Body of `POST /api/v1/lab/runs/{id}/heartbeat`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct Heartbeat {
+    pub epoch: i64,
+    pub instance: Uuid,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct HeartbeatReply {
+    pub lease_s: f64,
+    /// Someone wants this run to stop.
+    pub cancel_requested: bool,
+}
+
+/// Body of `POST /api/v1/lab/runs/{id}/state`: the laboratory moves its run on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct StateReport {
+    pub epoch: i64,
+    pub instance: Uuid,
+    /// `running`, `uploading`, `done`, `failed`, `cancelled` or `interrupted`.
+    pub state: RunState,
+    #[serde(default)]
+    pub fault: Option<Fault>,
+    #[serde(default)]
+    pub ticks_recorded: Option<i64>,
+    #[serde(default)]
+    pub ticks_missed: Option<i64>,
+}
+
+/// Body of `POST /api/v1/lab/status`: robots' health, about once a second.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct LabStatus {
+    pub lab: String,
+    pub arena: String,
+    /// Protective stop pressed and not cleared.
+    pub stopped: bool,
+    pub robots: Vec<RobotStatus>,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct RobotStatus {
+    pub name: String,
+    pub online: bool,
+    pub bus_v: Option<f64>,
+}

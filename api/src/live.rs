@@ -1,0 +1,33 @@
+//! Live picture of a run: text messages on `/api/v1/lab/stream` (laboratory to service) and
+//! `/api/v1/runs/{id}/live` (service to anyone).
+
+use serde::{Deserialize, Serialize};
+use uuid::Uuid;
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LiveFrame {
+    pub run_id: Uuid,
+    pub epoch: i64,
+    /// Control tick since the start of the motion; negative while preparing.
+    pub tick: i64,
+    pub time_s: f64,
+    pub robots: Vec<LiveRobot>,
+    pub ticks_missed: i64,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LiveRobot {
+    pub name: String,
+    pub x_m: f64,
+    pub y_m: f64,
+    pub yaw_rad: f64,
+    pub target_x_m: f64,
+    pub target_y_m: f64,
+    /// Age of the pose when the command was computed.
+    pub pose_age_ms: f64,
+    /// Age of the last telemetry frame from the robot.
+    pub link_age_ms: f64,
+    pub bus_v: f64,
+    /// What the safety filter changed on this tick: `wall`, `robot`, `speed`, `stop`, or nothing.
+    pub safety: Option<String>,
+}
