@@ -1,0 +1,10 @@
+//! One file per verb: its flags and what it does.
+
+pub mod cancel;
+pub mod fetch;
+pub mod login;
+pub mod runs;
+pub mod simulate;
+pub mod submit;
+pub mod validate;
+pub mod watch;

@@ -1,0 +1,84 @@
+//! Opens a run archive with independent readers.
+
+use anyhow::{Context, ensure};
+use arrow_array::RecordBatch;
+use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
+use serde_json::Value;
+use sha2::{Digest, Sha256};
+use std::collections::BTreeMap;
+use std::io::Read;
+
+/// Members of a run archive, digests checked against the manifest.
+pub struct Archive {
+    pub members: BTreeMap<String, Vec<u8>>,
+    pub manifest: Value,
+}
+
+pub struct ParquetSummary {
+    pub rows: usize,
+    pub columns: Vec<String>,
+    /// Rows in which a command was sent.
+    pub commands: usize,
+}
+
+impl Archive {
+    /// Errors if a member is missing, not listed, or differs from its SHA-256.
+    pub fn open(zip: Vec<u8>) -> anyhow::Result<Self> {
+        let mut archive = zip::ZipArchive::new(std::io::Cursor::new(zip)).context("not a zip")?;
+        let mut members = BTreeMap::new();
+        for index in 0..archive.len() {
+            let mut member = archive.by_index(index)?;
+            let mut bytes = Vec::new();
+            member.read_to_end(&mut bytes)?;
+            let name = member.name()?.into_owned();
+            members.insert(name, bytes);
+        }
+        let manifest: Value =
+            serde_json::from_slice(members.get("manifest.json").context("manifest.json is missing")?)?;
+        let listed = manifest["files"].as_array().context("manifest: `files` is missing")?;
+        for file in listed {
+            let name = file["name"].as_str().context("manifest: file without a name")?;
+            let bytes = members.get(name).with_context(|| format!("{name} is listed but missing"))?;
+            let found: String = Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect();
+            ensure!(file["sha256"] == found.as_str(), "{name}: SHA-256 {found}, manifest says {}", file["sha256"]);
+        }
+        ensure!(
+            members.len() == listed.len() + 1,
+            "{} members but {} listed: {:?}",
+            members.len(),
+            listed.len(),
+            members.keys()
+        );
+        Ok(Self { members, manifest })
+    }
+
+    pub fn member(&self, name: &str) -> anyhow::Result<&[u8]> {
+        let found = self.members.get(name);
+        Ok(found.with_context(|| format!("{name} is missing; there are {:?}", self.members.keys()))?)
+    }
+
+    /// Messages per topic of `run.mcap`.
+    pub fn mcap_topics(&self) -> anyhow::Result<BTreeMap<String, usize>> {
+        let mut topics = BTreeMap::new();
+        for message in mcap::MessageStream::new(self.member("run.mcap")?)? {
+            *topics.entry(message?.channel.topic.clone()).or_insert(0) += 1;
+        }
+        Ok(topics)
+    }
+
+    pub fn telemetry(&self, robot: &str) -> anyhow::Result<ParquetSummary> {
+        let bytes = bytes::Bytes::copy_from_slice(self.member(&format!("robots/{robot}/telemetry.parquet"))?);
+        let builder = ParquetRecordBatchReaderBuilder::try_new(bytes)?;
+        let columns: Vec<_> = builder.schema().fields().iter().map(|field| field.name().clone()).collect();
+        let batches: Vec<RecordBatch> = builder.build()?.collect::<Result<_, _>>()?;
+        let command = |batch: &RecordBatch| {
+            batch.column_by_name("command_wheel_0_rad_per_s").map_or(0, |c| c.len() - c.null_count())
+        };
+        use arrow_array::Array;
+        Ok(ParquetSummary {
+            rows: batches.iter().map(RecordBatch::num_rows).sum(),
+            columns,
+            commands: batches.iter().map(command).sum(),
+        })
+    }
+}

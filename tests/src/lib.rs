@@ -1,0 +1,27 @@
+//! A whole Robopheus system in a temporary folder, for tests that look at it from outside.
+
+mod archive;
+mod browser;
+mod system;
+
+pub use archive::{Archive, ParquetSummary};
+pub use browser::Browser;
+pub use system::{System, repository};
+
+use std::time::{Duration, Instant};
+
+/// Asks until `look` gives a value; fails with `what` after `limit`.
+pub async fn wait_for<T, F: Future<Output = anyhow::Result<Option<T>>>>(
+    what: &str,
+    limit: Duration,
+    mut look: impl FnMut() -> F,
+) -> anyhow::Result<T> {
+    let start = Instant::now();
+    loop {
+        if let Some(value) = look().await? {
+            return Ok(value);
+        }
+        anyhow::ensure!(start.elapsed() < limit, "waited {limit:?} in vain for {what}");
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+}
