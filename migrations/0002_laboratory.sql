@@ -18,7 +18,8 @@ CREATE TABLE robots (
     number   smallint NOT NULL CONSTRAINT robots_number_range CHECK (number BETWEEN 1 AND 250),
     document json NOT NULL,
     PRIMARY KEY (arena, name),
-    CONSTRAINT robots_number_unique UNIQUE (arena, number)
+    -- Deferred, so that a laboratory may swap two numbers.
+    CONSTRAINT robots_number_unique UNIQUE (arena, number) DEFERRABLE INITIALLY DEFERRED
 );
 
 -- Written about once a second, hence narrow, without an index on what changes.
