@@ -1,0 +1,9 @@
+//! What the service does, without HTTP and without SQL.
+
+pub mod archives;
+pub mod error;
+pub mod experiments;
+pub mod files;
+pub mod health;
+pub mod lab;
+pub mod runs;
