@@ -1,0 +1,120 @@
+//! Control laws: one interface for those that ship and for controllers that users write.
+//!
+//! A law sees what the laboratory (or the twin) measured and says which body twist each robot should have. It may ask
+//! for anything: limits, walls and other robots are the safety filter's business.
+
+mod circulation;
+mod go_to_point;
+mod motion;
+mod parameters;
+mod push;
+mod waypoints;
+
+use twin::pose::Pose;
+use twin::robot::Robot;
+use twin::twist::BodyTwist;
+
+pub use motion::Drive;
+pub use parameters::{LAWS, LawSpec, ParameterSpec, Parameters, law_spec};
+pub use push::Push;
+pub use waypoints::path_error_m;
+
+pub(crate) use parameters::check;
+
+use crate::scenario::Scenario;
+
+/// Name of the law that follows waypoints (the paper's eq. 1).
+pub const WAYPOINTS: &str = "waypoints";
+/// Name of the law that drives each robot to its own goal.
+pub const GO_TO_POINT: &str = "go_to_point";
+/// Constant body twists; used by the scenario gallery only and refused in experiments.
+pub const PUSH: &str = "push";
+
+/// What is known about one robot at a control tick.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RobotObservation {
+    pub pose: Pose,
+    /// Time since the pose was measured.
+    pub pose_age_s: f64,
+    /// Estimated twist in the body frame.
+    pub twist: BodyTwist,
+    /// The link to the robot works.
+    pub online: bool,
+}
+
+/// What a law must know about a robot's body; constant during a run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Body {
+    pub name: String,
+    pub drive: Drive,
+    pub bounding_radius_m: f64,
+}
+
+/// A waypoint or goal of one robot.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Goal {
+    /// `[x_m, y_m]` in the world frame.
+    pub place_m: [f64; 2],
+    /// Yaw on arrival; free when `None`.
+    pub yaw_rad: Option<f64>,
+}
+
+/// Everything a law may look at; robots, bodies and targets share one order.
+#[derive(Debug, Clone, Copy)]
+pub struct Observation<'a> {
+    pub tick: u64,
+    /// All robots of the experiment: a law's own and its neighbours.
+    pub robots: &'a [RobotObservation],
+    pub bodies: &'a [Body],
+    /// Targets of each robot, in order.
+    pub targets: &'a [Vec<Goal>],
+    pub parameters: &'a Parameters,
+}
+
+/// What a law wants from one robot.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Demand {
+    /// Desired twist in the body frame.
+    pub twist: BodyTwist,
+    /// Moving reference point, for display: `[x_m, y_m]`.
+    pub target: [f64; 2],
+    /// Active segment of the path that the robot should stay on, `[from, to]`, for laws that follow a path.
+    pub segment: Option<[[f64; 2]; 2]>,
+    /// The robot has reached the last of its targets.
+    pub finished: bool,
+}
+
+/// A control law for a whole team. Called once per control tick; must be deterministic and must not allocate.
+pub trait Law: std::fmt::Debug + Send {
+    /// Name as in `control.law`.
+    fn name(&self) -> &'static str;
+    /// Writes one demand per robot; `demands` has as many entries as `observation.robots` and is zero on entry.
+    fn step(&mut self, observation: &Observation<'_>, demands: &mut [Demand]);
+}
+
+/// The law that a checked scenario names.
+pub fn build(scenario: &Scenario) -> Option<Box<dyn Law>> {
+    let robots = scenario.experiment.robots.len();
+    match scenario.experiment.control.law.as_str() {
+        WAYPOINTS => Some(Box::new(waypoints::Waypoints::new(robots))),
+        GO_TO_POINT => Some(Box::new(go_to_point::GoToPoint::new(robots))),
+        _ => None,
+    }
+}
+
+/// Bodies of a scenario's robots.
+pub fn bodies(scenario: &Scenario, robots: &[Robot]) -> Vec<Body> {
+    let radii = scenario.robots.iter().map(|robot| robot.bounding_radius_m);
+    robots
+        .iter()
+        .zip(radii)
+        .map(|(robot, bounding_radius_m)| Body { name: robot.name().to_owned(), drive: Drive::of(robot), bounding_radius_m })
+        .collect()
+}
+
+/// Targets of every robot of a scenario.
+pub fn goals(scenario: &Scenario) -> Vec<Vec<Goal>> {
+    (0..scenario.experiment.robots.len())
+        .map(|i| scenario.targets_of(i).map(|t| Goal { place_m: [t.x_m, t.y_m], yaw_rad: t.yaw_rad }).collect())
+        .collect()
+}

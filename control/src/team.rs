@@ -1,0 +1,189 @@
+//! A law, the acceleration limit and the safety filter for one experiment: the same code in the browser's twin, the
+//! service and the laboratory.
+
+use twin::robot::Robot;
+use twin::twist::BodyTwist;
+
+pub use crate::law::RobotObservation;
+use crate::TICK_S;
+use crate::law::{self, Body, Demand, Goal, Law, Observation, Parameters};
+use crate::safety::{FilterBody, Filtered, Intervention, Limits, SafeCommand, SafetyFilter};
+use crate::scenario::{FieldProblem, Scenario};
+use crate::vector::{add, clip, sub};
+
+/// Fastest change of the commanded body velocity that is not a safety stop.
+pub const ACCELERATION_M_PER_S2: f64 = 1.5;
+/// Fastest change of the commanded yaw rate.
+pub const YAW_ACCELERATION_RAD_PER_S2: f64 = 8.0;
+/// The team is done when all robots have been finished for this long.
+pub const REST_TICKS: u64 = crate::TICK_RATE_HZ as u64;
+
+/// What the team decided for one robot on one tick.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TeamOutput {
+    /// The only thing that may be sent to the robot.
+    pub safe: SafeCommand,
+    /// What the law wanted.
+    pub desired: BodyTwist,
+    /// Moving reference point or goal, `[x_m, y_m]`.
+    pub target: [f64; 2],
+    /// What the safety filter changed.
+    pub intervention: Option<Intervention>,
+    /// The robot has reached the last of its targets.
+    pub finished: bool,
+    /// Active segment of the robot's path; see [`law::path_error_m`].
+    pub segment: Option<[[f64; 2]; 2]>,
+}
+
+/// Control of all robots of one experiment.
+#[derive(Debug)]
+pub struct Team {
+    law: Box<dyn Law>,
+    parameters: Parameters,
+    bodies: Vec<Body>,
+    targets: Vec<Vec<Goal>>,
+    filter: SafetyFilter,
+    demands: Vec<Demand>,
+    wanted: Vec<BodyTwist>,
+    outputs: Vec<TeamOutput>,
+    tick: u64,
+    rest_ticks: u64,
+}
+
+impl Team {
+    /// Control for a scenario that passes its checks.
+    pub fn new(scenario: &Scenario) -> Result<Team, Vec<FieldProblem>> {
+        let problems = scenario.check();
+        if !problems.is_empty() {
+            return Err(problems);
+        }
+        let law = law::build(scenario).ok_or_else(|| vec![no_law(&scenario.experiment.control.law)])?;
+        Team::with_law(scenario, law)
+    }
+
+    /// Control for a scenario with a law of one's own in place of the one it names; other rules are not checked.
+    pub fn with_law(scenario: &Scenario, law: Box<dyn Law>) -> Result<Team, Vec<FieldProblem>> {
+        let robots = robots(scenario)?;
+        let arena_m = [scenario.arena.width_m, scenario.arena.height_m];
+        let radii = scenario.robots.iter().map(|robot| robot.bounding_radius_m);
+        let bodies = law::bodies(scenario, &robots);
+        let filter_bodies = robots.into_iter().zip(radii).map(|(robot, bounding_radius_m)| FilterBody { robot, bounding_radius_m });
+        let mut filter = SafetyFilter::new(Limits::default(), arena_m, filter_bodies.collect());
+        let outputs = filter.stop().iter().map(|stop| output(stop, &Demand::default())).collect();
+        Ok(Team {
+            law,
+            parameters: Parameters::of(&scenario.experiment.control),
+            targets: law::goals(scenario),
+            filter,
+            demands: vec![Demand::default(); bodies.len()],
+            wanted: vec![BodyTwist::default(); bodies.len()],
+            bodies,
+            outputs,
+            tick: 0,
+            rest_ticks: 0,
+        })
+    }
+
+    /// One control tick: observations in the order of the experiment's robots, outputs in the same order.
+    ///
+    /// Missing observations count as robots that are offline.
+    pub fn tick(&mut self, observations: &[RobotObservation]) -> &[TeamOutput] {
+        if observations.len() != self.bodies.len() {
+            return self.stop_all();
+        }
+        self.demands.fill(Demand::default());
+        let observation = Observation {
+            tick: self.tick,
+            robots: observations,
+            bodies: &self.bodies,
+            targets: &self.targets,
+            parameters: &self.parameters,
+        };
+        self.law.step(&observation, &mut self.demands);
+        for ((wanted, demand), last) in self.wanted.iter_mut().zip(&self.demands).zip(&self.outputs) {
+            *wanted = accelerated(&last.safe.twist(), &demand.twist);
+        }
+        let filtered = self.filter.apply(observations, &self.wanted);
+        for ((out, filtered), demand) in self.outputs.iter_mut().zip(filtered).zip(&self.demands) {
+            *out = output(filtered, demand);
+        }
+        let rests = self.outputs.iter().all(|out| out.finished);
+        self.rest_ticks = if rests { self.rest_ticks + 1 } else { 0 };
+        self.tick += 1;
+        &self.outputs
+    }
+
+    /// Stop commands for all robots, in order.
+    pub fn stop(&mut self) -> Vec<SafeCommand> {
+        self.stop_all().iter().map(|out| out.safe).collect()
+    }
+
+    /// All robots have been finished for [`REST_TICKS`].
+    pub fn is_done(&self) -> bool {
+        self.rest_ticks >= REST_TICKS
+    }
+
+    /// Control ticks so far.
+    pub fn ticks(&self) -> u64 {
+        self.tick
+    }
+
+    /// Limits of the safety filter.
+    pub fn limits(&self) -> &Limits {
+        self.filter.limits()
+    }
+
+    /// Name of the law.
+    pub fn law(&self) -> &'static str {
+        self.law.name()
+    }
+
+    fn stop_all(&mut self) -> &[TeamOutput] {
+        for (out, stop) in self.outputs.iter_mut().zip(self.filter.stop()) {
+            out.safe = stop.command;
+            out.intervention = stop.intervention;
+        }
+        &self.outputs
+    }
+}
+
+/// The validated robots of a scenario.
+pub fn robots(scenario: &Scenario) -> Result<Vec<Robot>, Vec<FieldProblem>> {
+    let made = scenario.robots.iter().enumerate().map(|(i, robot)| {
+        Robot::new(robot.description.clone()).map_err(|error| {
+            let field = format!("laboratory.robots[{i}].description.{}", error.field);
+            vec![FieldProblem { field, message: error.message, limit: error.limit, remedy: error.remedy }]
+        })
+    });
+    made.collect()
+}
+
+fn no_law(name: &str) -> FieldProblem {
+    FieldProblem {
+        field: "control.law".into(),
+        message: format!("the control law {name:?} is not known"),
+        limit: law::LAWS.iter().map(|spec| spec.name).collect::<Vec<_>>().join(", "),
+        remedy: "choose one of these".into(),
+    }
+}
+
+fn output(filtered: &Filtered, demand: &Demand) -> TeamOutput {
+    TeamOutput {
+        safe: filtered.command,
+        desired: demand.twist,
+        target: demand.target,
+        intervention: filtered.intervention,
+        finished: demand.finished,
+        segment: demand.segment,
+    }
+}
+
+/// `desired`, no further from the last command than the acceleration limits allow.
+fn accelerated(last: &BodyTwist, desired: &BodyTwist) -> BodyTwist {
+    let from = [last.forward_m_per_s, last.left_m_per_s];
+    let change = clip(sub([desired.forward_m_per_s, desired.left_m_per_s], from), ACCELERATION_M_PER_S2 * TICK_S);
+    let [forward_m_per_s, left_m_per_s] = add(from, change);
+    let turn = YAW_ACCELERATION_RAD_PER_S2 * TICK_S;
+    let yaw_rate_rad_per_s = last.yaw_rate_rad_per_s + (desired.yaw_rate_rad_per_s - last.yaw_rate_rad_per_s).clamp(-turn, turn);
+    BodyTwist { forward_m_per_s, left_m_per_s, yaw_rate_rad_per_s }
+}
