@@ -1,0 +1,133 @@
+//! One robot on an open floor.
+
+use crate::command::WheelCommand;
+use crate::model::Model;
+use crate::pose::Pose;
+use crate::robot::Robot;
+use crate::state::BodyState;
+pub use crate::state::RobotState;
+use crate::twist::BodyTwist;
+use crate::{MAX_WHEELS, PHYSICS_PERIOD_S, SUBSTEPS, kernel};
+
+/// Where a robot starts when it is not at rest.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Start {
+    pub pose: Pose,
+    pub twist: BodyTwist,
+    /// By position in `wheels`.
+    pub wheel_rad_per_s: [f64; MAX_WHEELS],
+    /// By position in `wheels`; the speed loop's integral is set so that it holds this current at this wheel speed.
+    pub current_a: [f64; MAX_WHEELS],
+    pub steering_rad: f64,
+}
+
+/// One robot on a floor without walls, stepped at 480 Hz by the same kernel as in [`crate::world::World`].
+#[derive(Debug, Clone)]
+pub struct FreeRobot {
+    model: Model,
+    state: BodyState,
+    steps: u64,
+    refinement: u32,
+}
+
+impl FreeRobot {
+    /// A robot at rest.
+    pub fn at_rest(robot: &Robot, pose: Pose) -> FreeRobot {
+        FreeRobot { model: robot.model().clone(), state: BodyState::at_rest(pose), steps: 0, refinement: 1 }
+    }
+
+    /// A robot in motion.
+    pub fn moving(robot: &Robot, start: &Start) -> FreeRobot {
+        let mut free = FreeRobot::at_rest(robot, start.pose);
+        let (model, state) = (&free.model, &mut free.state);
+        (state.u, state.v, state.r) = (start.twist.forward_m_per_s, start.twist.left_m_per_s, start.twist.yaw_rate_rad_per_s);
+        state.steering_rad = model.steering.as_ref().map_or(0.0, |steering| steering.limited_rad(start.steering_rad));
+        for lane in 0..model.lanes {
+            let wheel = model.wheel_of_lane[lane];
+            state.wheel[lane] = start.wheel_rad_per_s[wheel];
+            if let (Some(motor), true) = (&model.motor, model.powered[lane] > 0.0) {
+                state.current[lane] = start.current_a[wheel];
+                state.integral[lane] = motor.settled_integral_rad(start.current_a[wheel], state.wheel[lane]);
+            }
+        }
+        free
+    }
+
+    /// Integrates every 480 Hz sample of the speed loops in `refinement` equal steps (1 in the world). For convergence tests.
+    pub fn with_refinement(mut self, refinement: u32) -> FreeRobot {
+        self.refinement = refinement.max(1);
+        self
+    }
+
+    /// One sample of the speed loops and the physics up to the next one, 1/480 s.
+    pub fn step(&mut self, command: &WheelCommand) {
+        if self.steps.is_multiple_of(u64::from(SUBSTEPS)) {
+            self.state.refresh_heading();
+        }
+        substep_refined(&self.model, &mut self.state, command, self.refinement);
+        self.steps += 1;
+    }
+
+    /// Physics steps taken.
+    pub fn steps(&self) -> u64 {
+        self.steps
+    }
+
+    /// State after the last step.
+    pub fn state(&self) -> RobotState {
+        self.state.view(&self.model)
+    }
+
+    /// Kinetic energy of body and wheels, J.
+    pub fn kinetic_energy_j(&self) -> f64 {
+        let s = &self.state;
+        let mut energy = 0.5 * self.model.mass_kg * (s.u * s.u + s.v * s.v) + 0.5 * self.model.yaw_inertia_kg_m2 * s.r * s.r;
+        for lane in 0..self.model.lanes {
+            energy += 0.5 * self.model.spin_inertia_kg_m2[lane] * s.wheel[lane] * s.wheel[lane];
+        }
+        energy
+    }
+
+    /// True while every number is finite.
+    pub fn is_finite(&self) -> bool {
+        self.state.is_finite()
+    }
+}
+
+/// One sample of the speed loops, steering and physics over 1/480 s.
+#[inline(always)]
+pub(crate) fn substep(model: &Model, state: &mut BodyState, command: &WheelCommand) {
+    substep_refined(model, state, command, 1);
+}
+
+#[inline(always)]
+fn substep_refined(model: &Model, state: &mut BodyState, command: &WheelCommand, refinement: u32) {
+    sample_controls(model, state, command);
+    let period_s = PHYSICS_PERIOD_S / f64::from(refinement);
+    for _ in 0..refinement {
+        let Some(steering) = &model.steering else {
+            kernel::advance(model, state, period_s);
+            continue;
+        };
+        // The contact sees the steering angle in the middle of the step.
+        let end_rad = steering.advanced_rad(state.steering_rad, command.steering_rad, period_s);
+        state.steering_rad = steering.advanced_rad(state.steering_rad, command.steering_rad, 0.5 * period_s);
+        kernel::advance(model, state, period_s);
+        state.steering_rad = end_rad;
+    }
+}
+
+/// Speed loops at their sampling instant; without a motor model the driven wheels take their commanded speed.
+#[inline(always)]
+fn sample_controls(model: &Model, state: &mut BodyState, command: &WheelCommand) {
+    for lane in 0..model.lanes {
+        let wanted = command.wheel_rad_per_s[model.wheel_of_lane[lane]];
+        match &model.motor {
+            Some(motor) if model.driven[lane] => {
+                (state.integral[lane], state.voltage[lane]) = motor.sample(wanted - state.wheel[lane], state.integral[lane]);
+            }
+            None if model.driven[lane] => state.wheel[lane] = wanted,
+            _ => {}
+        }
+    }
+}

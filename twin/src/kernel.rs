@@ -1,0 +1,286 @@
+//! One physics step of one robot: wheels, contact and body together, integrated implicitly.
+//!
+//! ```text
+//! contact velocity  a_i = A_i . z,  b_i = B_i . z,  z = (u, v, r)
+//! slip              s_l = R W_i - a_i ;  s_t = -b_i            (omni: s_t = 0)
+//! contact force     F = mu N_i tanh(|s| / s0) s / |s|
+//! wheel             J_w dW_i/dt = torque_i - R F_l - b_w W_i - t_c tanh(W_i / 0.3)
+//! body              m (du/dt - r v), m (dv/dt + r u), J dr/dt  =  sum F_l A_i + F_t B_i
+//! ```
+//!
+//! The contact is stiff (thousands 1/s at small slip), so the step is the two-stage, second-order, L-stable and
+//! algebraically stable SDIRK method with gamma = 1 - 1/sqrt 2: a dissipative system can never gain energy from the
+//! step size. Each stage is a Newton iteration; wheel speeds are eliminated wheel by wheel, which leaves 3 x 3.
+//! Where a slip jumps, the secant slope F / s replaces the tangent: that iteration minimises a convex potential by
+//! quadratics that lie above it and cannot cycle.
+
+use crate::math;
+use crate::model::{Geometry, Model};
+use crate::state::BodyState;
+use crate::{COULOMB_SCALE_RAD_PER_S, MAX_WHEELS, SLIP_SCALE_M_PER_S};
+
+/// 1 - 1/sqrt 2.
+const GAMMA: f64 = 0.292_893_218_813_452_5;
+/// Largest change of a slip in the last iteration, m/s; the error left is quadratic in it (about 5e-9 m/s).
+const TOLERANCE_M_PER_S: f64 = 1e-5;
+/// A slip that moved less than this is followed by a Newton iteration, else by a secant one, m/s.
+const NEWTON_RANGE_M_PER_S: f64 = 0.5 * SLIP_SCALE_M_PER_S;
+/// Bound on the iterations of one stage; tests see below 12.
+const MAX_ITERATIONS: u32 = 40;
+/// Square of the smallest scaled slip, so that tanh(q)/q needs no case.
+const TINY: f64 = 1e-30;
+
+/// Body twist and wheel speeds of one stage.
+#[derive(Clone, Copy)]
+struct Stage<const N: usize> {
+    z: [f64; 3],
+    wheel: [f64; N],
+}
+
+/// Inputs that stay the same during a step.
+struct Step<'a, const N: usize> {
+    model: &'a Model,
+    geometry: &'a Geometry,
+    /// mu N_i / s0, N s/m.
+    grip: [f64; N],
+    /// V_i, held during the step.
+    voltage: [f64; N],
+    /// Largest number of iterations a stage took.
+    iterations: u32,
+}
+
+/// Sums over the wheels in one iteration: the 3 x 3 matrix and its right-hand side, without the body's own terms.
+#[derive(Default)]
+struct Sums {
+    s00: f64,
+    s01: f64,
+    s02: f64,
+    s11: f64,
+    s12: f64,
+    s22: f64,
+    force: [f64; 3],
+    reduced: [f64; 3],
+}
+
+/// Advances `state` by `period_s` with the voltages (or, without a motor, the wheel speeds) in it. Returns the
+/// largest number of iterations of a stage.
+pub(crate) fn advance(model: &Model, state: &mut BodyState, period_s: f64) -> u32 {
+    let steered;
+    let geometry = if model.steering.is_some() {
+        steered = model.geometry_at(state.steering_rad);
+        &steered
+    } else {
+        &model.geometry
+    };
+    match model.lanes {
+        0..=2 => advance_lanes::<2>(model, geometry, state, period_s),
+        3 | 4 => advance_lanes::<4>(model, geometry, state, period_s),
+        _ => advance_lanes::<MAX_WHEELS>(model, geometry, state, period_s),
+    }
+}
+
+fn advance_lanes<const N: usize>(model: &Model, geometry: &Geometry, state: &mut BodyState, period_s: f64) -> u32 {
+    let loads = model.load.loads_n(state.accel_x, state.accel_y);
+    let mut step = Step::<N> { model, geometry, grip: [0.0; N], voltage: [0.0; N], iterations: 0 };
+    let mut start = Stage::<N> { z: [state.u, state.v, state.r], wheel: [0.0; N] };
+    for i in 0..N {
+        let present = if i < model.lanes { model.floor_friction / SLIP_SCALE_M_PER_S } else { 0.0 };
+        step.grip[i] = present * loads[i];
+        step.voltage[i] = state.voltage[i];
+        start.wheel[i] = state.wheel[i];
+    }
+    let k = GAMMA * period_s;
+    let first = step.solve(&start, start, k);
+    // Stage 2 starts from y0 + (1 - gamma) h f(y1) with f(y1) = (y1 - y0) / (gamma h).
+    let base = extrapolated(&start, &first, (1.0 - GAMMA) / GAMMA);
+    let second = step.solve(&base, extrapolated(&start, &first, 1.0 / GAMMA), k);
+    finish(model, state, &first, &second, period_s);
+    step.iterations
+}
+
+#[inline(always)]
+fn extrapolated<const N: usize>(start: &Stage<N>, first: &Stage<N>, factor: f64) -> Stage<N> {
+    let mut out = *start;
+    for j in 0..3 {
+        out.z[j] += factor * (first.z[j] - start.z[j]);
+    }
+    for i in 0..N {
+        out.wheel[i] += factor * (first.wheel[i] - start.wheel[i]);
+    }
+    out
+}
+
+/// Writes the end of the step: velocities, pose along the mean twist, wheel angles, currents, acceleration.
+#[inline(always)]
+fn finish<const N: usize>(model: &Model, state: &mut BodyState, first: &Stage<N>, second: &Stage<N>, period_s: f64) {
+    let mean = |a: f64, b: f64| (1.0 - GAMMA) * a + GAMMA * b;
+    let turning_x = mean(first.z[2] * first.z[1], second.z[2] * second.z[1]);
+    let turning_y = mean(first.z[2] * first.z[0], second.z[2] * second.z[0]);
+    state.accel_x = (second.z[0] - state.u) / period_s - turning_x;
+    state.accel_y = (second.z[1] - state.v) / period_s + turning_y;
+    move_pose(state, mean(first.z[0], second.z[0]), mean(first.z[1], second.z[1]), mean(first.z[2], second.z[2]), period_s);
+    [state.u, state.v, state.r] = second.z;
+    for i in 0..N {
+        state.angle[i] += period_s * mean(first.wheel[i], second.wheel[i]);
+        state.wheel[i] = second.wheel[i];
+        if let Some(motor) = &model.motor {
+            state.current[i] = model.powered[i] * motor.current_a(state.voltage[i], state.wheel[i]);
+        }
+    }
+}
+
+/// Moves the pose along the arc of a constant twist: chord = twist x sinc(angle / 2), halfway heading.
+#[inline(always)]
+pub(crate) fn move_pose(state: &mut BodyState, u: f64, v: f64, r: f64, period_s: f64) {
+    let half = 0.5 * r * period_s;
+    let (sin, cos) = if half.abs() <= 0.25 { math::sin_cos_small(half) } else { libm::sincos(half) };
+    let chord = if half.abs() > 1e-6 { sin / half } else { 1.0 };
+    let middle_cos = state.cos_yaw * cos - state.sin_yaw * sin;
+    let middle_sin = state.sin_yaw * cos + state.cos_yaw * sin;
+    state.x_m += period_s * chord * (u * middle_cos - v * middle_sin);
+    state.y_m += period_s * chord * (u * middle_sin + v * middle_cos);
+    state.yaw_rad += 2.0 * half;
+    state.cos_yaw = middle_cos * cos - middle_sin * sin;
+    state.sin_yaw = middle_sin * cos + middle_cos * sin;
+}
+
+impl<const N: usize> Step<'_, N> {
+    /// Solves y = base + k f(y) from a first guess.
+    #[inline(always)]
+    fn solve(&mut self, base: &Stage<N>, guess: Stage<N>, k: f64) -> Stage<N> {
+        let mut y = guess;
+        for i in 0..N {
+            // Wheels without a motor model keep the commanded speed exactly.
+            if self.model.free[i] == 0.0 {
+                y.wheel[i] = base.wheel[i];
+            }
+        }
+        let mut moved = [0.0_f64; N];
+        for iteration in 1..=MAX_ITERATIONS {
+            let tangent = moved.map(|slip| if slip < NEWTON_RANGE_M_PER_S { 1.0 } else { 0.0 });
+            let largest = self.iterate(base, &mut y, k, &tangent, &mut moved);
+            self.iterations = self.iterations.max(iteration);
+            if largest < TOLERANCE_M_PER_S {
+                break;
+            }
+        }
+        y
+    }
+
+    /// One Newton (tangent 1) or secant (tangent 0) iteration; returns the largest change of a slip, m/s.
+    #[inline(always)]
+    fn iterate(&self, base: &Stage<N>, y: &mut Stage<N>, k: f64, tangent: &[f64; N], moved: &mut [f64; N]) -> f64 {
+        let (m, g) = (self.model, self.geometry);
+        let [u, v, r] = y.z;
+        let mut sums = Sums::default();
+        let mut wheel_gain = [0.0; N];
+        let mut wheel_residual = [0.0; N];
+        let mut slope_ll = [0.0; N];
+        let mut slope_lt = [0.0; N];
+        for i in 0..N {
+            let (cos, sin, radius) = (g.cos[i], g.sin[i], m.radius_m[i]);
+            let slip_l = radius * y.wheel[i] - (cos * u + sin * v + g.arm_along_m[i] * r);
+            let slip_t = -m.lateral[i] * (cos * v - sin * u + g.arm_across_m[i] * r);
+            let (ql, qt) = (slip_l / SLIP_SCALE_M_PER_S, slip_t / SLIP_SCALE_M_PER_S);
+            let q2 = ql * ql + qt * qt + TINY;
+            let q = q2.sqrt();
+            let t = math::tanh(q);
+            let secant = t / q;
+            let bend = tangent[i] * ((1.0 - t * t) - secant) / q2;
+            let grip = self.grip[i];
+            let (force_l, force_t) = (grip * secant * slip_l, grip * secant * slip_t);
+            let d_ll = grip * (secant + bend * ql * ql);
+            let d_lt = grip * bend * ql * qt;
+            let d_tt = m.lateral[i] * grip * (secant + bend * qt * qt);
+
+            let (torque, torque_slope) = self.drive(i, y.wheel[i]);
+            let inertia = m.spin_inertia_kg_m2[i];
+            let residual = inertia * (y.wheel[i] - base.wheel[i]) - k * (torque - radius * force_l);
+            let stiff = inertia + k * torque_slope;
+            let gain = m.free[i] / (stiff + k * radius * radius * d_ll);
+            let kept = 1.0 - k * radius * radius * gain * d_ll;
+            let alpha = d_ll * kept;
+            let beta = d_lt * kept;
+            let delta = d_tt - k * radius * radius * gain * d_lt * d_lt;
+            let shift = radius * gain * residual;
+
+            let a = [cos, sin, g.arm_along_m[i]];
+            let b = [-sin, cos, g.arm_across_m[i]];
+            sums.s00 += alpha * a[0] * a[0] + 2.0 * beta * a[0] * b[0] + delta * b[0] * b[0];
+            sums.s01 += alpha * a[0] * a[1] + beta * (a[0] * b[1] + a[1] * b[0]) + delta * b[0] * b[1];
+            sums.s02 += alpha * a[0] * a[2] + beta * (a[0] * b[2] + a[2] * b[0]) + delta * b[0] * b[2];
+            sums.s11 += alpha * a[1] * a[1] + 2.0 * beta * a[1] * b[1] + delta * b[1] * b[1];
+            sums.s12 += alpha * a[1] * a[2] + beta * (a[1] * b[2] + a[2] * b[1]) + delta * b[1] * b[2];
+            sums.s22 += alpha * a[2] * a[2] + 2.0 * beta * a[2] * b[2] + delta * b[2] * b[2];
+            for j in 0..3 {
+                sums.force[j] += force_l * a[j] + force_t * b[j];
+                sums.reduced[j] += shift * (d_ll * a[j] + d_lt * b[j]);
+            }
+            wheel_gain[i] = gain;
+            wheel_residual[i] = residual;
+            slope_ll[i] = d_ll;
+            slope_lt[i] = d_lt;
+        }
+        let dz = self.body_change(base, y, k, &sums);
+        let mut largest = 0.0_f64;
+        for i in 0..N {
+            let along = g.cos[i] * dz[0] + g.sin[i] * dz[1] + g.arm_along_m[i] * dz[2];
+            let across = g.cos[i] * dz[1] - g.sin[i] * dz[0] + g.arm_across_m[i] * dz[2];
+            let pull = k * m.radius_m[i] * (slope_ll[i] * along + slope_lt[i] * across);
+            let change = wheel_gain[i] * (pull - wheel_residual[i]);
+            y.wheel[i] += change;
+            let slip = (m.radius_m[i] * change - along).abs() + m.lateral[i] * across.abs();
+            moved[i] = slip;
+            largest = if slip > largest { slip } else { largest };
+        }
+        for j in 0..3 {
+            y.z[j] += dz[j];
+        }
+        largest
+    }
+
+    /// Torque on the wheel but for the contact, N m, and minus its slope over the wheel speed, N m s.
+    #[inline(always)]
+    fn drive(&self, i: usize, wheel: f64) -> (f64, f64) {
+        let m = self.model;
+        let t = math::tanh(wheel / COULOMB_SCALE_RAD_PER_S);
+        let mut torque = -m.viscous_n_m_s[i] * wheel - m.coulomb_n_m[i] * t;
+        let mut slope = m.viscous_n_m_s[i] + m.coulomb_n_m[i] * (1.0 - t * t) / COULOMB_SCALE_RAD_PER_S;
+        if let Some(motor) = &m.motor {
+            let current = motor.current_a(self.voltage[i], wheel);
+            let inside = if current.abs() < motor.current_limit_a { m.powered[i] } else { 0.0 };
+            torque += m.powered[i] * motor.torque_per_current * current;
+            slope += inside * motor.torque_per_current * motor.torque_per_current * motor.per_ohm;
+        }
+        (torque, slope)
+    }
+
+    /// Solves the 3 x 3 system for the change of the body twist.
+    #[inline(always)]
+    fn body_change(&self, base: &Stage<N>, y: &Stage<N>, k: f64, sums: &Sums) -> [f64; 3] {
+        let (mass, inertia) = (self.model.mass_kg, self.model.yaw_inertia_kg_m2);
+        let [u, v, r] = y.z;
+        let km = k * mass;
+        let right = [
+            -(mass * (u - base.z[0]) - k * sums.force[0] - km * r * v) - k * sums.reduced[0],
+            -(mass * (v - base.z[1]) - k * sums.force[1] + km * r * u) - k * sums.reduced[1],
+            -(inertia * (r - base.z[2]) - k * sums.force[2]) - k * sums.reduced[2],
+        ];
+        let a00 = mass + k * sums.s00;
+        let a01 = k * sums.s01 - km * r;
+        let a02 = k * sums.s02 - km * v;
+        let a10 = k * sums.s01 + km * r;
+        let a11 = mass + k * sums.s11;
+        let a12 = k * sums.s12 + km * u;
+        let (a20, a21, a22) = (k * sums.s02, k * sums.s12, inertia + k * sums.s22);
+        let c00 = a11 * a22 - a12 * a21;
+        let c01 = a12 * a20 - a10 * a22;
+        let c02 = a10 * a21 - a11 * a20;
+        let per_determinant = 1.0 / (a00 * c00 + a01 * c01 + a02 * c02);
+        [
+            per_determinant * (right[0] * c00 + right[1] * (a02 * a21 - a01 * a22) + right[2] * (a01 * a12 - a02 * a11)),
+            per_determinant * (right[0] * c01 + right[1] * (a00 * a22 - a02 * a20) + right[2] * (a02 * a10 - a00 * a12)),
+            per_determinant * (right[0] * c02 + right[1] * (a01 * a20 - a00 * a21) + right[2] * (a00 * a11 - a01 * a10)),
+        ]
+    }
+}

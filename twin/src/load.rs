@@ -1,0 +1,128 @@
+//! Normal loads of the wheels.
+
+use nalgebra::{SMatrix, SVector};
+
+use crate::linear::solve_semidefinite;
+use crate::{GRAVITY_M_PER_S2, MAX_WHEELS};
+
+/// Constants of the minimum-norm load distribution.
+///
+/// N = min-norm solution of  sum N = m g,  sum N x = -m h a_x,  sum N y = -m h a_y
+///
+/// (centre of mass at the body origin). With all wheels down N is linear in `(g, a_x, a_y)`; a negative load is
+/// removed, the most negative first, and the rest solved again. Where the wheels cannot meet a moment (two wheels on
+/// one axle) that moment is dropped.
+#[derive(Debug, Clone)]
+pub(crate) struct LoadModel {
+    count: usize,
+    x_m: [f64; MAX_WHEELS],
+    y_m: [f64; MAX_WHEELS],
+    mass_kg: f64,
+    com_height_m: f64,
+    /// Load per unit of each right-hand side, all wheels down.
+    per_force: [f64; MAX_WHEELS],
+    per_moment_x: [f64; MAX_WHEELS],
+    per_moment_y: [f64; MAX_WHEELS],
+}
+
+impl LoadModel {
+    pub(crate) fn new(positions_m: &[(f64, f64)], mass_kg: f64, com_height_m: f64) -> LoadModel {
+        let mut model = LoadModel {
+            count: positions_m.len().min(MAX_WHEELS),
+            x_m: [0.0; MAX_WHEELS],
+            y_m: [0.0; MAX_WHEELS],
+            mass_kg,
+            com_height_m,
+            per_force: [0.0; MAX_WHEELS],
+            per_moment_x: [0.0; MAX_WHEELS],
+            per_moment_y: [0.0; MAX_WHEELS],
+        };
+        for (i, (x, y)) in positions_m.iter().take(MAX_WHEELS).enumerate() {
+            model.x_m[i] = *x;
+            model.y_m[i] = *y;
+        }
+        let down = [true; MAX_WHEELS];
+        model.per_force = model.minimum_norm(&down, SVector::<f64, 3>::new(1.0, 0.0, 0.0));
+        model.per_moment_x = model.minimum_norm(&down, SVector::<f64, 3>::new(0.0, 1.0, 0.0));
+        model.per_moment_y = model.minimum_norm(&down, SVector::<f64, 3>::new(0.0, 0.0, 1.0));
+        model
+    }
+
+    /// Normal loads, N, at the body acceleration `(a_x, a_y)` that the contact forces gave in the previous step, m/s^2.
+    #[inline(always)]
+    pub(crate) fn loads_n(&self, accel_x_m_per_s2: f64, accel_y_m_per_s2: f64) -> [f64; MAX_WHEELS] {
+        let force = self.mass_kg * GRAVITY_M_PER_S2;
+        let moment_x = -self.mass_kg * self.com_height_m * accel_x_m_per_s2;
+        let moment_y = -self.mass_kg * self.com_height_m * accel_y_m_per_s2;
+        let mut loads = [0.0; MAX_WHEELS];
+        let mut smallest = 0.0_f64;
+        for i in 0..MAX_WHEELS {
+            loads[i] = self.per_force[i] * force + self.per_moment_x[i] * moment_x + self.per_moment_y[i] * moment_y;
+            smallest = smallest.min(loads[i]);
+        }
+        if smallest < 0.0 { self.lifted(SVector::<f64, 3>::new(force, moment_x, moment_y), loads) } else { loads }
+    }
+
+    #[cold]
+    fn lifted(&self, right: SVector<f64, 3>, mut loads: [f64; MAX_WHEELS]) -> [f64; MAX_WHEELS] {
+        let mut down = [true; MAX_WHEELS];
+        for _ in 1..self.count {
+            let mut worst = 0;
+            for i in 1..self.count {
+                if loads[i] < loads[worst] {
+                    worst = i;
+                }
+            }
+            if loads[worst] >= 0.0 {
+                return loads;
+            }
+            down[worst] = false;
+            loads = self.minimum_norm(&down, right);
+        }
+        loads.map(|load| load.max(0.0))
+    }
+
+    fn minimum_norm(&self, down: &[bool; MAX_WHEELS], right: SVector<f64, 3>) -> [f64; MAX_WHEELS] {
+        let mut gram = SMatrix::<f64, 3, 3>::zeros();
+        for i in (0..self.count).filter(|i| down[*i]) {
+            let row = SVector::<f64, 3>::new(1.0, self.x_m[i], self.y_m[i]);
+            gram += row * row.transpose();
+        }
+        let multiplier = solve_semidefinite(&gram, &right);
+        let mut loads = [0.0; MAX_WHEELS];
+        for i in (0..self.count).filter(|i| down[*i]) {
+            loads[i] = multiplier[0] + multiplier[1] * self.x_m[i] + multiplier[2] * self.y_m[i];
+        }
+        loads
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SQUARE: [(f64, f64); 4] = [(0.1, 0.1), (-0.1, 0.1), (-0.1, -0.1), (0.1, -0.1)];
+
+    #[test]
+    fn braking_loads_the_front() {
+        let model = LoadModel::new(&SQUARE, 10.0, 0.05);
+        let loads = model.loads_n(-2.0, 0.0);
+        assert!((loads[..4].iter().sum::<f64>() - 98.1).abs() < 1e-12);
+        assert!((loads[0] - loads[1] - 10.0 * 0.05 * 2.0 / 0.2).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_negative_load_is_removed_and_weight_is_kept() {
+        let model = LoadModel::new(&SQUARE, 10.0, 0.3);
+        let loads = model.loads_n(4.0, 3.0);
+        assert!(loads.iter().all(|load| *load >= 0.0));
+        assert_eq!(loads[0], 0.0);
+        assert!((loads[..4].iter().sum::<f64>() - 98.1).abs() < 1e-9);
+    }
+
+    #[test]
+    fn two_wheels_on_one_axle_share_the_weight() {
+        let loads = LoadModel::new(&[(0.0, 0.1), (0.0, -0.1)], 4.0, 0.05).loads_n(1.0, 0.0);
+        assert!((loads[0] - 19.62).abs() < 1e-12 && (loads[1] - 19.62).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,62 @@
+//! Motor and speed loop of a driven wheel.
+
+use crate::PHYSICS_PERIOD_S;
+use crate::robot::Motor;
+
+/// Constants of the motor equations.
+///
+/// i = clamp((V - n k_e W) / R_a, +-i_max), k_e = k_t ;  torque = n k_t i
+///
+/// Speed loop, sampled at 480 Hz and held: I += e T, |k_i I| <= V_bus ; V = clamp(k_p e + k_i I, +-V_bus), e = W_cmd - W.
+#[derive(Debug, Clone)]
+pub(crate) struct MotorModel {
+    /// `n k_t = n k_e`, N m/A = V s/rad at the wheel.
+    pub(crate) torque_per_current: f64,
+    pub(crate) per_ohm: f64,
+    /// Infinite when unlimited.
+    pub(crate) current_limit_a: f64,
+    pub(crate) supply_v: f64,
+    kp: f64,
+    ki: f64,
+    integral_limit_rad: f64,
+}
+
+impl MotorModel {
+    pub(crate) fn new(motor: &Motor) -> MotorModel {
+        let ki = motor.speed_loop_ki_v_per_rad;
+        MotorModel {
+            torque_per_current: motor.gear_ratio * motor.torque_constant_n_m_per_a,
+            per_ohm: 1.0 / motor.resistance_ohm,
+            current_limit_a: motor.current_limit_a.unwrap_or(f64::INFINITY),
+            supply_v: motor.supply_v,
+            kp: motor.speed_loop_kp_v_s_per_rad,
+            ki,
+            integral_limit_rad: if ki > 0.0 { motor.supply_v / ki } else { 0.0 },
+        }
+    }
+
+    /// One sample of the speed loop: new error integral, rad, and voltage, V.
+    #[inline(always)]
+    pub(crate) fn sample(&self, error_rad_per_s: f64, integral_rad: f64) -> (f64, f64) {
+        let integral = integral_rad + error_rad_per_s * PHYSICS_PERIOD_S;
+        let integral = integral.min(self.integral_limit_rad).max(-self.integral_limit_rad);
+        let wanted = self.kp * error_rad_per_s + self.ki * integral;
+        (integral, wanted.min(self.supply_v).max(-self.supply_v))
+    }
+
+    /// Current, A, at a terminal voltage and wheel speed.
+    #[inline(always)]
+    pub(crate) fn current_a(&self, voltage_v: f64, wheel_rad_per_s: f64) -> f64 {
+        let free = (voltage_v - self.torque_per_current * wheel_rad_per_s) * self.per_ohm;
+        free.min(self.current_limit_a).max(-self.current_limit_a)
+    }
+
+    /// Error integral at which the loop holds `current_a` at `wheel_rad_per_s` with no error, rad.
+    pub(crate) fn settled_integral_rad(&self, current_a: f64, wheel_rad_per_s: f64) -> f64 {
+        if self.ki <= 0.0 {
+            return 0.0;
+        }
+        let voltage = current_a / self.per_ohm + self.torque_per_current * wheel_rad_per_s;
+        (voltage / self.ki).min(self.integral_limit_rad).max(-self.integral_limit_rad)
+    }
+}

@@ -1,0 +1,159 @@
+//! Replays the commands of a run bundle through the twin.
+//!
+//! Starts at rest at the first pose (or from a given state), holds every set-point until the next one, adds no noise
+//! and gives one row per input time stamp.
+
+use crate::command::WheelCommand;
+use crate::free::{FreeRobot, RobotState, Start};
+use crate::pose::{Pose, wrapped_rad};
+use crate::robot::Robot;
+use crate::twist::BodyTwist;
+use crate::{MAX_WHEELS, PHYSICS_RATE_HZ};
+
+/// Time stamps are text with microseconds: a command counts at a sampling instant it misses by this much, s.
+const STAMP_TOLERANCE_S: f64 = 1e-5;
+
+/// One row of the command columns; `None` = no sample at this time.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct CommandRow {
+    pub time_s: f64,
+    /// `command_wheel_<k>_rad_per_s` by position in `wheels`.
+    pub wheel_rad_per_s: [Option<f64>; MAX_WHEELS],
+    pub steering_rad: Option<f64>,
+    /// `command_forward_m_per_s`, `command_left_m_per_s`, `command_yaw_rate_rad_per_s`: become wheel set-points by the
+    /// slip-free inverse kinematics of the nominal geometry.
+    pub forward_m_per_s: Option<f64>,
+    pub left_m_per_s: Option<f64>,
+    pub yaw_rate_rad_per_s: Option<f64>,
+}
+
+/// State of the twin at one input time stamp.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ReplayRow {
+    pub time_s: f64,
+    pub state: RobotState,
+}
+
+/// Why rows cannot be replayed.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum ReplayError {
+    #[error("row {row}: time {time_s} s is not finite or not after the row before")]
+    Time { row: usize, time_s: f64 },
+    #[error("row {row}: a command is not finite")]
+    Command { row: usize },
+    #[error("the run lasts {duration_s} s; at most {MAX_DURATION_S} s are possible")]
+    Duration { duration_s: f64 },
+    #[error("state left the finite range before {time_s} s")]
+    NotFinite { time_s: f64 },
+}
+
+/// Longest replay, s.
+pub const MAX_DURATION_S: f64 = 24.0 * 3600.0;
+
+/// The set-points in force, built up row by row.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct HeldCommand {
+    command: WheelCommand,
+    twist: BodyTwist,
+}
+
+impl HeldCommand {
+    /// Takes over what a row sets; the rest holds.
+    pub fn apply(&mut self, robot: &Robot, row: &CommandRow) {
+        if row.forward_m_per_s.is_some() || row.left_m_per_s.is_some() || row.yaw_rate_rad_per_s.is_some() {
+            self.twist.forward_m_per_s = row.forward_m_per_s.unwrap_or(self.twist.forward_m_per_s);
+            self.twist.left_m_per_s = row.left_m_per_s.unwrap_or(self.twist.left_m_per_s);
+            self.twist.yaw_rate_rad_per_s = row.yaw_rate_rad_per_s.unwrap_or(self.twist.yaw_rate_rad_per_s);
+            self.command = robot.wheel_speeds_holding(self.twist, self.command.steering_rad);
+        }
+        for (held, new) in self.command.wheel_rad_per_s.iter_mut().zip(row.wheel_rad_per_s) {
+            *held = new.unwrap_or(*held);
+        }
+        self.command.steering_rad = row.steering_rad.unwrap_or(self.command.steering_rad);
+    }
+
+    /// The set-points in force.
+    pub fn command(&self) -> WheelCommand {
+        self.command
+    }
+}
+
+/// Replays all rows from rest at `first_pose`.
+pub fn replay(robot: &Robot, first_pose: Pose, rows: &[CommandRow]) -> Result<Vec<ReplayRow>, ReplayError> {
+    let start = Start { pose: first_pose, ..Start::default() };
+    replay_from(robot, &start, HeldCommand::default(), rows)
+}
+
+/// Replays rows from a state in motion and the set-points then in force. The first row's time is the start.
+///
+/// - Rows between two physics steps are interpolated linearly.
+/// - Errors: time that does not grow, numbers that are not finite, more than [`MAX_DURATION_S`].
+pub fn replay_from(robot: &Robot, start: &Start, held: HeldCommand, rows: &[CommandRow]) -> Result<Vec<ReplayRow>, ReplayError> {
+    check_rows(rows)?;
+    let Some(first) = rows.first() else { return Ok(Vec::new()) };
+    let mut free = FreeRobot::moving(robot, start);
+    let mut held = held;
+    let mut next = 0;
+    let mut before = free.state();
+    let mut after = before;
+    let mut out = Vec::with_capacity(rows.len());
+    for row in rows {
+        let elapsed_s = row.time_s - first.time_s;
+        let position = elapsed_s * f64::from(PHYSICS_RATE_HZ);
+        while (free.steps() as f64) < position {
+            let now_s = free.steps() as f64 / f64::from(PHYSICS_RATE_HZ);
+            while next < rows.len() && rows[next].time_s - first.time_s <= now_s + STAMP_TOLERANCE_S {
+                held.apply(robot, &rows[next]);
+                next += 1;
+            }
+            before = after;
+            free.step(&held.command());
+            after = free.state();
+            if !free.is_finite() {
+                return Err(ReplayError::NotFinite { time_s: now_s });
+            }
+        }
+        let part = 1.0 - (free.steps() as f64 - position);
+        let part = if free.steps() == 0 { 1.0 } else { part };
+        out.push(ReplayRow { time_s: row.time_s, state: interpolated(&before, &after, part) });
+    }
+    Ok(out)
+}
+
+fn check_rows(rows: &[CommandRow]) -> Result<(), ReplayError> {
+    for (index, row) in rows.iter().enumerate() {
+        let grows = index == 0 || row.time_s > rows[index - 1].time_s;
+        if !row.time_s.is_finite() || !grows {
+            return Err(ReplayError::Time { row: index, time_s: row.time_s });
+        }
+        let others = [row.steering_rad, row.forward_m_per_s, row.left_m_per_s, row.yaw_rate_rad_per_s];
+        if row.wheel_rad_per_s.iter().chain(&others).flatten().any(|value| !value.is_finite()) {
+            return Err(ReplayError::Command { row: index });
+        }
+    }
+    if let (Some(first), Some(last)) = (rows.first(), rows.last()) {
+        let duration_s = last.time_s - first.time_s;
+        if duration_s > MAX_DURATION_S {
+            return Err(ReplayError::Duration { duration_s });
+        }
+    }
+    Ok(())
+}
+
+/// The state a part of the way from `a` to `b`; voltages and currents are those of the step.
+fn interpolated(a: &RobotState, b: &RobotState, part: f64) -> RobotState {
+    let mix = |from: f64, to: f64| from + part * (to - from);
+    let mut out = *b;
+    out.pose.x_m = mix(a.pose.x_m, b.pose.x_m);
+    out.pose.y_m = mix(a.pose.y_m, b.pose.y_m);
+    out.pose.yaw_rad = wrapped_rad(a.pose.yaw_rad + part * wrapped_rad(b.pose.yaw_rad - a.pose.yaw_rad));
+    out.twist.forward_m_per_s = mix(a.twist.forward_m_per_s, b.twist.forward_m_per_s);
+    out.twist.left_m_per_s = mix(a.twist.left_m_per_s, b.twist.left_m_per_s);
+    out.twist.yaw_rate_rad_per_s = mix(a.twist.yaw_rate_rad_per_s, b.twist.yaw_rate_rad_per_s);
+    for wheel in 0..MAX_WHEELS {
+        out.wheel_rad_per_s[wheel] = mix(a.wheel_rad_per_s[wheel], b.wheel_rad_per_s[wheel]);
+        out.wheel_rad[wheel] = mix(a.wheel_rad[wheel], b.wheel_rad[wheel]);
+    }
+    out.steering_rad = mix(a.steering_rad, b.steering_rad);
+    out
+}

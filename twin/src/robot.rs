@@ -1,0 +1,188 @@
+//! Robot descriptions and the validated robot.
+
+use serde::{Deserialize, Serialize};
+
+pub use crate::parameter::ParameterError;
+use crate::command::WheelCommand;
+use crate::kinematics;
+use crate::model::Model;
+use crate::parameter;
+use crate::twist::BodyTwist;
+
+/// A robot as it stands in `run.json` (`robot`) and in the laboratory's file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RobotDescription {
+    pub name: String,
+    /// `omni4`, `diff2`, `diff4`, `fwd`, `rwd` or `awd`.
+    pub chassis: String,
+    pub mass_kg: f64,
+    pub yaw_inertia_kg_m2: f64,
+    pub com_height_m: f64,
+    pub wheels: Vec<Wheel>,
+    /// Absent: wheels follow commands exactly.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub motor: Option<Motor>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub steering: Option<Steering>,
+    pub floor_friction: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise: Option<Noise>,
+}
+
+/// One wheel: contact point in the body frame and how it rolls.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Wheel {
+    pub x_m: f64,
+    pub y_m: f64,
+    /// `beta`: direction in the body frame in which a positive wheel speed rolls the contact.
+    pub rolling_direction_rad: f64,
+    /// Optional for casters.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub radius_m: Option<f64>,
+    /// `J_w`, the reflected rotor inertia included; optional for casters.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub spin_inertia_kg_m2: Option<f64>,
+    /// `omni`, `standard` or `caster`.
+    pub kind: String,
+    pub driven: bool,
+    pub steered: bool,
+}
+
+/// Motor, gear and speed loop; the same for every driven wheel.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Motor {
+    pub gear_ratio: f64,
+    pub torque_constant_n_m_per_a: f64,
+    pub resistance_ohm: f64,
+    /// `None` (`null`) = no limit.
+    pub current_limit_a: Option<f64>,
+    pub supply_v: f64,
+    /// `b_w`, at the wheel.
+    pub viscous_n_m_s: f64,
+    /// `t_c`, at the wheel.
+    pub coulomb_n_m: f64,
+    pub speed_loop_kp_v_s_per_rad: f64,
+    pub speed_loop_ki_v_per_rad: f64,
+}
+
+/// Steering gear of the bicycle angle.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Steering {
+    pub lag_s: f64,
+    pub rate_limit_rad_per_s: Option<f64>,
+    pub angle_limit_rad: Option<f64>,
+}
+
+/// One standard deviation each; a missing entry means the sensor is absent or its noise unknown.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Noise {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pose_xy_m: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pose_yaw_rad: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub wheel_rad_per_s: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub current_a: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gyro_rad_per_s: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub accel_m_per_s2: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bus_v: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub steering_rad: Option<f64>,
+}
+
+impl RobotDescription {
+    /// Everything that is wrong with this description, in the order of its fields; empty when it can be simulated.
+    pub fn check(&self) -> Vec<ParameterError> {
+        parameter::check(self)
+    }
+}
+
+/// A validated robot: description plus the constants of its equations.
+#[derive(Debug, Clone)]
+pub struct Robot {
+    description: RobotDescription,
+    model: Model,
+}
+
+impl Robot {
+    /// Validates a description.
+    ///
+    /// - Errors: the first problem of [`RobotDescription::check`].
+    pub fn new(description: RobotDescription) -> Result<Robot, ParameterError> {
+        if let Some(problem) = description.check().into_iter().next() {
+            return Err(problem);
+        }
+        let model = Model::new(&description)?;
+        Ok(Robot { description, model })
+    }
+
+    /// Name of the robot.
+    pub fn name(&self) -> &str {
+        &self.description.name
+    }
+
+    /// `omni4`, `diff2`, `diff4`, `fwd`, `rwd` or `awd`.
+    pub fn chassis(&self) -> &str {
+        &self.description.chassis
+    }
+
+    /// Number of entries in `wheels`, casters included.
+    pub fn wheel_count(&self) -> usize {
+        self.description.wheels.len()
+    }
+
+    /// The description this robot was made from.
+    pub fn description(&self) -> &RobotDescription {
+        &self.description
+    }
+
+    /// Radius of the circle around the body origin that holds all wheels, m. A laboratory's own radius may be larger.
+    pub fn bounding_radius_m(&self) -> f64 {
+        self.description.wheels.iter().fold(0.0, |largest: f64, wheel| {
+            let reach = (wheel.x_m * wheel.x_m + wheel.y_m * wheel.y_m).sqrt() + wheel.radius_m.unwrap_or(0.0);
+            largest.max(reach)
+        })
+    }
+
+    /// Slip-free inverse kinematics of the nominal geometry: wheel set-points that move the body with `twist`.
+    ///
+    /// W_i = (u c_i + v s_i + r (x_i s_i - y_i c_i)) / R_i ;  steering = atan(L r / u)
+    ///
+    /// - Undriven wheels get 0. Steering is 0 at u = 0; see [`Robot::wheel_speeds_holding`].
+    pub fn wheel_speeds(&self, twist: BodyTwist) -> WheelCommand {
+        self.wheel_speeds_holding(twist, 0.0)
+    }
+
+    /// As [`Robot::wheel_speeds`], keeping `last_steering_rad` when u = 0 leaves the steering angle undefined.
+    pub fn wheel_speeds_holding(&self, twist: BodyTwist, last_steering_rad: f64) -> WheelCommand {
+        kinematics::wheel_speeds(&self.model, twist, last_steering_rad)
+    }
+
+    /// Body twist of slip-free rolling at these wheel speeds (least squares over driven wheels and lateral constraints).
+    pub fn twist_of_wheels(&self, command: &WheelCommand) -> BodyTwist {
+        kinematics::twist_of_wheels(&self.model, command)
+    }
+
+    /// No-load speed of a driven wheel at full supply, friction included, rad/s; infinite without a motor.
+    pub fn max_wheel_speed_rad_per_s(&self) -> f64 {
+        self.model.max_wheel_speed_rad_per_s()
+    }
+
+    /// Largest steering angle, rad: 0 without steering, the declared limit or 1.5 when unlimited.
+    pub fn max_steering_rad(&self) -> f64 {
+        self.model.steering.as_ref().map_or(0.0, |steering| steering.angle_limit_rad)
+    }
+
+    pub(crate) fn model(&self) -> &Model {
+        &self.model
+    }
+}
