@@ -62,10 +62,15 @@ pub fn trace_of(name: &str) -> Option<Trace> {
 
 fn run(scenario_json: &str) -> Option<Trace> {
     let scenario = Scenario::parse(scenario_json).ok()?;
-    let twists: Vec<BodyTwist> = serde_json::from_value(scenario.experiment.control.parameters.get("twists")?.clone()).ok()?;
+    let twists: Vec<BodyTwist> =
+        serde_json::from_value(scenario.experiment.control.parameters.get("twists")?.clone()).ok()?;
     let robots = robots(&scenario).ok()?;
     let mut world = world(&scenario).ok()?;
-    let commands: Vec<_> = robots.iter().zip(&twists).map(|(robot, twist)| robot.wheel_speeds(*twist)).collect();
+    let commands: Vec<_> = robots
+        .iter()
+        .zip(&twists)
+        .map(|(robot, twist)| robot.wheel_speeds(*twist))
+        .collect();
     let (mut robot_contact_ticks, mut wall_contact_ticks) = (0, 0);
     for _ in 0..ticks_of(scenario.experiment.duration_s) {
         world.step(&commands).ok()?;
@@ -73,7 +78,11 @@ fn run(scenario_json: &str) -> Option<Trace> {
         robot_contact_ticks += u64::from(contacts.iter().any(|contact| contact.b.is_some()));
         wall_contact_ticks += u64::from(contacts.iter().any(|contact| contact.b.is_none()));
     }
-    Some(Trace { digest: world.digest().to_string(), robot_contact_ticks, wall_contact_ticks })
+    Some(Trace {
+        digest: world.digest().to_string(),
+        robot_contact_ticks,
+        wall_contact_ticks,
+    })
 }
 
 fn named() -> Vec<(&'static str, f64, Vec<Row>)> {
@@ -84,21 +93,106 @@ fn named() -> Vec<(&'static str, f64, Vec<Row>)> {
         ("free-omni", 3.0, vec![(Omni, [0.0, 0.0, 0.3], [0.3, 0.1, 0.5])]),
         ("wall-right", 4.0, vec![(Omni, [1.0, 0.0, 0.0], [0.6, 0.0, 0.0])]),
         ("wall-left", 4.0, vec![(Diff, [-1.0, 0.2, half_turn], [0.5, 0.0, 0.0])]),
-        ("wall-top-glancing", 4.0, vec![(Omni, [-1.0, 0.9, 0.2], [0.5, 0.3, 0.0])]),
-        ("wall-bottom-backwards", 4.0, vec![(Diff, [0.3, -0.8, quarter], [-0.5, 0.0, 0.1])]),
+        (
+            "wall-top-glancing",
+            4.0,
+            vec![(Omni, [-1.0, 0.9, 0.2], [0.5, 0.3, 0.0])],
+        ),
+        (
+            "wall-bottom-backwards",
+            4.0,
+            vec![(Diff, [0.3, -0.8, quarter], [-0.5, 0.0, 0.1])],
+        ),
         ("corner", 5.0, vec![(Omni, [1.2, 0.8, 0.7], [0.7, 0.0, 0.0])]),
         ("spin-on-wall", 4.0, vec![(Omni, [1.5, 0.0, 0.0], [0.5, 0.0, 2.0])]),
         ("car-into-wall", 4.0, vec![(Awd, [0.8, 0.3, 0.1], [0.7, 0.0, 0.2])]),
-        ("head-on", 4.0, vec![(Omni, [-0.8, 0.0, 0.0], [0.5, 0.0, 0.0]), (Omni, [0.8, 0.0, half_turn], [0.5, 0.0, 0.0])]),
-        ("head-on-offset", 4.0, vec![(Diff, [-0.8, 0.1, 0.0], [0.6, 0.0, 0.0]), (Omni, [0.8, -0.1, half_turn], [0.4, 0.0, 0.3])]),
-        ("broadside", 4.0, vec![(Omni, [-0.9, 0.0, 0.0], [0.6, 0.0, 0.0]), (Diff, [0.0, -0.5, quarter], [0.2, 0.0, 0.0])]),
-        ("rear-end", 5.0, vec![(Awd, [-1.2, 0.0, 0.0], [0.8, 0.0, 0.0]), (Diff, [0.0, 0.05, 0.0], [0.2, 0.0, 0.0])]),
-        ("push-to-wall", 5.0, vec![(Omni, [0.2, 0.1, 0.0], [0.6, 0.0, 0.0]), (Omni, [1.0, 0.0, 0.0], [0.0, 0.0, 0.0])]),
-        ("pinned", 4.0, vec![(Omni, [-0.7, 0.0, 0.0], [0.6, 0.0, 0.0]), (Diff, [0.0, 0.0, quarter], [0.1, 0.0, 0.0]), (Omni, [0.7, 0.0, half_turn], [0.6, 0.0, 0.0])]),
-        ("chain", 5.0, vec![(Omni, [-1.5, 0.0, 0.0], [0.7, 0.0, 0.0]), (Omni, [-0.9, 0.0, 0.0], [0.0, 0.0, 0.0]), (Diff, [-0.3, 0.0, 0.0], [0.0, 0.0, 0.0]), (Omni, [0.3, 0.0, 0.0], [0.0, 0.0, 0.0])]),
-        ("all-to-centre", 5.0, vec![(Omni, [-1.2, -0.8, 0.59], [0.5, 0.0, 0.0]), (Omni, [1.2, -0.8, 2.55], [0.5, 0.0, 0.0]), (Omni, [1.2, 0.8, -2.55], [0.5, 0.0, 0.0]), (Omni, [-1.2, 0.8, -0.59], [0.5, 0.0, 0.0])]),
-        ("three-kinds", 6.0, vec![(Omni, [-1.0, 0.5, 0.0], [0.4, -0.2, 0.4]), (Diff, [0.0, -0.6, 1.2], [0.5, 0.0, 0.4]), (Awd, [1.0, 0.5, half_turn], [0.5, 0.0, 0.3])]),
-        ("long-roundabout", 20.0, vec![(Diff, [-0.6, 0.0, quarter], [0.4, 0.0, -0.5]), (Diff, [0.6, 0.0, -quarter], [0.4, 0.0, -0.5]), (Omni, [0.0, 0.0, 0.0], [0.2, 0.1, 1.0])]),
+        (
+            "head-on",
+            4.0,
+            vec![
+                (Omni, [-0.8, 0.0, 0.0], [0.5, 0.0, 0.0]),
+                (Omni, [0.8, 0.0, half_turn], [0.5, 0.0, 0.0]),
+            ],
+        ),
+        (
+            "head-on-offset",
+            4.0,
+            vec![
+                (Diff, [-0.8, 0.1, 0.0], [0.6, 0.0, 0.0]),
+                (Omni, [0.8, -0.1, half_turn], [0.4, 0.0, 0.3]),
+            ],
+        ),
+        (
+            "broadside",
+            4.0,
+            vec![
+                (Omni, [-0.9, 0.0, 0.0], [0.6, 0.0, 0.0]),
+                (Diff, [0.0, -0.5, quarter], [0.2, 0.0, 0.0]),
+            ],
+        ),
+        (
+            "rear-end",
+            5.0,
+            vec![
+                (Awd, [-1.2, 0.0, 0.0], [0.8, 0.0, 0.0]),
+                (Diff, [0.0, 0.05, 0.0], [0.2, 0.0, 0.0]),
+            ],
+        ),
+        (
+            "push-to-wall",
+            5.0,
+            vec![
+                (Omni, [0.2, 0.1, 0.0], [0.6, 0.0, 0.0]),
+                (Omni, [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]),
+            ],
+        ),
+        (
+            "pinned",
+            4.0,
+            vec![
+                (Omni, [-0.7, 0.0, 0.0], [0.6, 0.0, 0.0]),
+                (Diff, [0.0, 0.0, quarter], [0.1, 0.0, 0.0]),
+                (Omni, [0.7, 0.0, half_turn], [0.6, 0.0, 0.0]),
+            ],
+        ),
+        (
+            "chain",
+            5.0,
+            vec![
+                (Omni, [-1.5, 0.0, 0.0], [0.7, 0.0, 0.0]),
+                (Omni, [-0.9, 0.0, 0.0], [0.0, 0.0, 0.0]),
+                (Diff, [-0.3, 0.0, 0.0], [0.0, 0.0, 0.0]),
+                (Omni, [0.3, 0.0, 0.0], [0.0, 0.0, 0.0]),
+            ],
+        ),
+        (
+            "all-to-centre",
+            5.0,
+            vec![
+                (Omni, [-1.2, -0.8, 0.59], [0.5, 0.0, 0.0]),
+                (Omni, [1.2, -0.8, 2.55], [0.5, 0.0, 0.0]),
+                (Omni, [1.2, 0.8, -2.55], [0.5, 0.0, 0.0]),
+                (Omni, [-1.2, 0.8, -0.59], [0.5, 0.0, 0.0]),
+            ],
+        ),
+        (
+            "three-kinds",
+            6.0,
+            vec![
+                (Omni, [-1.0, 0.5, 0.0], [0.4, -0.2, 0.4]),
+                (Diff, [0.0, -0.6, 1.2], [0.5, 0.0, 0.4]),
+                (Awd, [1.0, 0.5, half_turn], [0.5, 0.0, 0.3]),
+            ],
+        ),
+        (
+            "long-roundabout",
+            20.0,
+            vec![
+                (Diff, [-0.6, 0.0, quarter], [0.4, 0.0, -0.5]),
+                (Diff, [0.6, 0.0, -quarter], [0.4, 0.0, -0.5]),
+                (Omni, [0.0, 0.0, 0.0], [0.2, 0.1, 1.0]),
+            ],
+        ),
     ]
 }
 
@@ -115,7 +209,11 @@ fn crowd_rows(seed: u32) -> Vec<Row> {
             };
             let x_m = -1.5 + 0.7 * f64::from(column) + 0.05 * generator.signed();
             let y_m = -1.1 + 0.65 * f64::from(row) + 0.02 * generator.signed();
-            let twist = [0.7 * generator.signed(), 0.4 * generator.signed(), 1.2 * generator.signed()];
+            let twist = [
+                0.7 * generator.signed(),
+                0.4 * generator.signed(),
+                1.2 * generator.signed(),
+            ];
             rows.push((kind, [x_m, y_m, 3.1 * generator.signed()], twist));
         }
     }
@@ -127,7 +225,10 @@ struct Lcg(u64);
 
 impl Lcg {
     fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        self.0 = self
+            .0
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
         self.0 >> 33
     }
 
@@ -146,8 +247,11 @@ fn scenario_json(name: &str, duration_s: f64, rows: &[Row]) -> String {
     let mut lab = Vec::new();
     let mut placed = Vec::new();
     let mut twists = Vec::new();
-    for (i, (kind, [x_m, y_m, yaw_rad], [forward_m_per_s, left_m_per_s, yaw_rate_rad_per_s])) in rows.iter().enumerate() {
-        let Some(model) = models.get(*kind as usize) else { continue };
+    for (i, (kind, [x_m, y_m, yaw_rad], [forward_m_per_s, left_m_per_s, yaw_rate_rad_per_s])) in rows.iter().enumerate()
+    {
+        let Some(model) = models.get(*kind as usize) else {
+            continue;
+        };
         let mut robot = model.clone();
         robot.number = i as u8 + 1;
         robot.description.name = format!("{name}-{i}");
@@ -157,9 +261,17 @@ fn scenario_json(name: &str, duration_s: f64, rows: &[Row]) -> String {
             name: robot.description.name.clone(),
             chassis,
             controller: robot.controller.clone(),
-            start: Start { x_m: *x_m, y_m: *y_m, yaw_rad: *yaw_rad },
+            start: Start {
+                x_m: *x_m,
+                y_m: *y_m,
+                yaw_rad: *yaw_rad,
+            },
         });
-        twists.push(BodyTwist { forward_m_per_s: *forward_m_per_s, left_m_per_s, yaw_rate_rad_per_s: *yaw_rate_rad_per_s });
+        twists.push(BodyTwist {
+            forward_m_per_s: *forward_m_per_s,
+            left_m_per_s,
+            yaw_rate_rad_per_s: *yaw_rate_rad_per_s,
+        });
         lab.push(robot);
     }
     let scenario = Scenario {
@@ -169,14 +281,22 @@ fn scenario_json(name: &str, duration_s: f64, rows: &[Row]) -> String {
             arena: "reference".into(),
             floor: "lab-floor".into(),
             robots: placed,
-            control: Control { law: PUSH.into(), parameters: serde_json::json!({ "twists": twists }) },
+            control: Control {
+                law: PUSH.into(),
+                parameters: serde_json::json!({ "twists": twists }),
+            },
             targets: Vec::new(),
             duration_s,
             seed: 1,
             model: None,
         },
         robots: lab,
-        arena: ScenarioArena { name: "reference".into(), width_m: 4.0, height_m: 3.0, floor: "lab-floor".into() },
+        arena: ScenarioArena {
+            name: "reference".into(),
+            width_m: 4.0,
+            height_m: 3.0,
+            floor: "lab-floor".into(),
+        },
     };
     serde_json::to_string(&scenario).unwrap_or_default()
 }

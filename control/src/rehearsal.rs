@@ -82,10 +82,22 @@ impl Rehearsal {
     /// A rehearsal with a team of one's own.
     pub fn with_team(scenario: &Scenario, team: Team) -> Result<Rehearsal, Vec<FieldProblem>> {
         let world = world(scenario)?;
-        let names: Vec<String> = scenario.experiment.robots.iter().map(|robot| robot.name.clone()).collect();
+        let names: Vec<String> = scenario
+            .experiment
+            .robots
+            .iter()
+            .map(|robot| robot.name.clone())
+            .collect();
         let n = names.len();
         let first = observe(&world, n, 0.0);
-        let replay = names.iter().map(|name| ReplayRobot { name: name.clone(), poses: Vec::new(), targets: Vec::new() }).collect();
+        let replay = names
+            .iter()
+            .map(|name| ReplayRobot {
+                name: name.clone(),
+                poses: Vec::new(),
+                targets: Vec::new(),
+            })
+            .collect();
         let mut rehearsal = Rehearsal {
             names,
             team,
@@ -155,10 +167,16 @@ impl Rehearsal {
             FrameRobot {
                 pose: [pose.x_m, pose.y_m, pose.yaw_rad],
                 target: out.map_or([pose.x_m, pose.y_m], |out| out.target),
-                safety: out.and_then(|out| out.intervention.as_ref()).map(|intervention| intervention.label()),
+                safety: out
+                    .and_then(|out| out.intervention.as_ref())
+                    .map(|intervention| intervention.label()),
             }
         });
-        Frame { tick, time_s: tick as f64 * TICK_S, robots: robots.collect() }
+        Frame {
+            tick,
+            time_s: tick as f64 * TICK_S,
+            robots: robots.collect(),
+        }
     }
 
     /// Verdict and replay; of an unfinished rehearsal, what is known so far.
@@ -180,7 +198,12 @@ impl Rehearsal {
         let verdict = Verdict {
             format: VERDICT_FORMAT.into(),
             accepted,
-            sentence: sentence(&self.findings, self.names.len(), simulated_s, self.smallest_separation_m),
+            sentence: sentence(
+                &self.findings,
+                self.names.len(),
+                simulated_s,
+                self.smallest_separation_m,
+            ),
             findings: self.findings,
             digest: self.world.digest().to_string(),
             twin_version: twin::VERSION.into(),
@@ -189,7 +212,11 @@ impl Rehearsal {
             smallest_wall_distance_m: self.smallest_wall_distance_m,
             largest_path_error_m: self.path_error.map(|(value, _, _)| value),
         };
-        let replay = Replay { format: REPLAY_FORMAT.into(), period_s: FRAME_TICKS as f64 * TICK_S, robots: self.replay };
+        let replay = Replay {
+            format: REPLAY_FORMAT.into(),
+            period_s: FRAME_TICKS as f64 * TICK_S,
+            robots: self.replay,
+        };
         Outcome { verdict, replay }
     }
 
@@ -234,12 +261,24 @@ impl Rehearsal {
                 let second = self.names[b as usize].clone();
                 let gap_m = self.world.smallest_separation_m();
                 let message = format!("{first} and {second} touch at {time_s:.2} s");
-                self.find(Severity::Error, "robots_collide", vec![first, second], message, gap_m.map(|m| (m, 0.0)));
+                self.find(
+                    Severity::Error,
+                    "robots_collide",
+                    vec![first, second],
+                    message,
+                    gap_m.map(|m| (m, 0.0)),
+                );
             }
             None => {
                 let gap_m = self.world.smallest_wall_distance_m();
                 let message = format!("{first} touches a wall at {time_s:.2} s");
-                self.find(Severity::Error, "robot_hits_wall", vec![first], message, Some((gap_m, 0.0)));
+                self.find(
+                    Severity::Error,
+                    "robot_hits_wall",
+                    vec![first],
+                    message,
+                    Some((gap_m, 0.0)),
+                );
             }
         }
     }
@@ -250,11 +289,19 @@ impl Rehearsal {
         let left_m = pose.distance_m(&Pose { x_m, y_m, yaw_rad: 0.0 });
         let name = self.names[i].clone();
         let message = format!("{name} is still {left_m:.2} m from its target at the end");
-        self.find(Severity::Warning, "target_not_reached", vec![name], message, Some((left_m, 0.0)));
+        self.find(
+            Severity::Warning,
+            "target_not_reached",
+            vec![name],
+            message,
+            Some((left_m, 0.0)),
+        );
     }
 
     fn path_error_large(&mut self) {
-        let Some((error_m, at_s, i)) = self.path_error.filter(|(error_m, _, _)| *error_m > PATH_BAND_M) else { return };
+        let Some((error_m, at_s, i)) = self.path_error.filter(|(error_m, _, _)| *error_m > PATH_BAND_M) else {
+            return;
+        };
         let name = self.names[i].clone();
         self.findings.push(Finding {
             severity: Severity::Warning,
@@ -269,7 +316,14 @@ impl Rehearsal {
     }
 
     /// Adds a finding at the present time; `figure` is (value, limit) in metres.
-    fn find(&mut self, severity: Severity, code: &str, robots: Vec<String>, message: String, figure: Option<(f64, f64)>) {
+    fn find(
+        &mut self,
+        severity: Severity,
+        code: &str,
+        robots: Vec<String>,
+        message: String,
+        figure: Option<(f64, f64)>,
+    ) {
         if self.findings.iter().filter(|finding| finding.code == code).count() >= MAX_FINDINGS_PER_CODE {
             return;
         }
@@ -293,11 +347,26 @@ pub fn ticks_of(duration_s: f64) -> u64 {
 
 /// The twin's world at the start of a scenario.
 pub fn world(scenario: &Scenario) -> Result<World, Vec<FieldProblem>> {
-    let arena = Arena { width_m: scenario.arena.width_m, height_m: scenario.arena.height_m };
+    let arena = Arena {
+        width_m: scenario.arena.width_m,
+        height_m: scenario.arena.height_m,
+    };
     let starts = scenario.experiment.robots.iter().map(|robot| robot.start);
-    let placed = robots(scenario)?.into_iter().zip(starts).zip(&scenario.robots).map(|((robot, start), lab)| {
-        (robot, Pose { x_m: start.x_m, y_m: start.y_m, yaw_rad: start.yaw_rad }, lab.bounding_radius_m)
-    });
+    let placed = robots(scenario)?
+        .into_iter()
+        .zip(starts)
+        .zip(&scenario.robots)
+        .map(|((robot, start), lab)| {
+            (
+                robot,
+                Pose {
+                    x_m: start.x_m,
+                    y_m: start.y_m,
+                    yaw_rad: start.yaw_rad,
+                },
+                lab.bounding_radius_m,
+            )
+        });
     World::new(arena, placed.collect()).map_err(|error| {
         vec![FieldProblem {
             field: "robots".into(),
@@ -312,7 +381,12 @@ fn observe(world: &World, robots: usize, pose_age_s: f64) -> Vec<RobotObservatio
     let seen = |i: usize| {
         let state = world.state(i);
         let twist: BodyTwist = state.twist;
-        RobotObservation { pose: state.pose, pose_age_s, twist, online: true }
+        RobotObservation {
+            pose: state.pose,
+            pose_age_s,
+            twist,
+            online: true,
+        }
     };
     (0..robots).map(seen).collect()
 }

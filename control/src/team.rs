@@ -4,8 +4,8 @@
 use twin::robot::Robot;
 use twin::twist::BodyTwist;
 
-pub use crate::law::RobotObservation;
 use crate::TICK_S;
+pub use crate::law::RobotObservation;
 use crate::law::{self, Body, Demand, Goal, Law, Observation, Parameters};
 use crate::safety::{FilterBody, Filtered, Intervention, Limits, SafeCommand, SafetyFilter};
 use crate::scenario::{FieldProblem, Scenario};
@@ -67,9 +67,19 @@ impl Team {
         let arena_m = [scenario.arena.width_m, scenario.arena.height_m];
         let radii = scenario.robots.iter().map(|robot| robot.bounding_radius_m);
         let bodies = law::bodies(scenario, &robots);
-        let filter_bodies = robots.into_iter().zip(radii).map(|(robot, bounding_radius_m)| FilterBody { robot, bounding_radius_m });
+        let filter_bodies = robots
+            .into_iter()
+            .zip(radii)
+            .map(|(robot, bounding_radius_m)| FilterBody {
+                robot,
+                bounding_radius_m,
+            });
         let mut filter = SafetyFilter::new(Limits::default(), arena_m, filter_bodies.collect());
-        let outputs = filter.stop().iter().map(|stop| output(stop, &Demand::default())).collect();
+        let outputs = filter
+            .stop()
+            .iter()
+            .map(|stop| output(stop, &Demand::default()))
+            .collect();
         Ok(Team {
             law,
             parameters: Parameters::of(&scenario.experiment.control),
@@ -152,7 +162,12 @@ pub fn robots(scenario: &Scenario) -> Result<Vec<Robot>, Vec<FieldProblem>> {
     let made = scenario.robots.iter().enumerate().map(|(i, robot)| {
         Robot::new(robot.description.clone()).map_err(|error| {
             let field = format!("laboratory.robots[{i}].description.{}", error.field);
-            vec![FieldProblem { field, message: error.message, limit: error.limit, remedy: error.remedy }]
+            vec![FieldProblem {
+                field,
+                message: error.message,
+                limit: error.limit,
+                remedy: error.remedy,
+            }]
         })
     });
     made.collect()
@@ -181,9 +196,17 @@ fn output(filtered: &Filtered, demand: &Demand) -> TeamOutput {
 /// `desired`, no further from the last command than the acceleration limits allow.
 fn accelerated(last: &BodyTwist, desired: &BodyTwist) -> BodyTwist {
     let from = [last.forward_m_per_s, last.left_m_per_s];
-    let change = clip(sub([desired.forward_m_per_s, desired.left_m_per_s], from), ACCELERATION_M_PER_S2 * TICK_S);
+    let change = clip(
+        sub([desired.forward_m_per_s, desired.left_m_per_s], from),
+        ACCELERATION_M_PER_S2 * TICK_S,
+    );
     let [forward_m_per_s, left_m_per_s] = add(from, change);
     let turn = YAW_ACCELERATION_RAD_PER_S2 * TICK_S;
-    let yaw_rate_rad_per_s = last.yaw_rate_rad_per_s + (desired.yaw_rate_rad_per_s - last.yaw_rate_rad_per_s).clamp(-turn, turn);
-    BodyTwist { forward_m_per_s, left_m_per_s, yaw_rate_rad_per_s }
+    let yaw_rate_rad_per_s =
+        last.yaw_rate_rad_per_s + (desired.yaw_rate_rad_per_s - last.yaw_rate_rad_per_s).clamp(-turn, turn);
+    BodyTwist {
+        forward_m_per_s,
+        left_m_per_s,
+        yaw_rate_rad_per_s,
+    }
 }

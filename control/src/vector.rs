@@ -65,7 +65,11 @@ pub fn wrap(angle_rad: f64) -> f64 {
 pub fn distance_to_segment(point: Vector, from: Vector, to: Vector) -> f64 {
     let along = sub(to, from);
     let squared = dot(along, along);
-    let fraction = if squared > 0.0 { (dot(sub(point, from), along) / squared).clamp(0.0, 1.0) } else { 0.0 };
+    let fraction = if squared > 0.0 {
+        (dot(sub(point, from), along) / squared).clamp(0.0, 1.0)
+    } else {
+        0.0
+    };
     length(sub(point, add(from, scale(along, fraction))))
 }
 

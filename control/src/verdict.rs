@@ -71,10 +71,18 @@ pub struct ReplayRobot {
 pub fn sentence(findings: &[Finding], robots: usize, simulated_s: f64, separation_m: Option<f64>) -> String {
     let errors = findings.iter().filter(|f| f.severity == Severity::Error).count();
     if let Some(first) = findings.iter().find(|f| f.severity == Severity::Error) {
-        let more = if errors > 1 { format!(" ({} more)", errors - 1) } else { String::new() };
+        let more = if errors > 1 {
+            format!(" ({} more)", errors - 1)
+        } else {
+            String::new()
+        };
         return format!("Rejected: {}{more}.", first.message);
     }
-    let who = if robots == 1 { "1 robot".to_owned() } else { format!("{robots} robots") };
+    let who = if robots == 1 {
+        "1 robot".to_owned()
+    } else {
+        format!("{robots} robots")
+    };
     let apart = separation_m.map_or(String::new(), |m| format!(", never closer than {m:.2} m to each other"));
     match findings {
         [] => format!("Accepted: {who} finished in {simulated_s:.1} s{apart}."),

@@ -14,9 +14,17 @@ const LEAST_COSINE: f64 = 0.05;
 /// `velocity` of robot `index` bent to the right of robots in its way; never faster than before.
 ///
 /// - `goal_m`: where the robot wants to be; neighbours beyond it are not in the way.
-pub fn keep_right(velocity: Vector, index: usize, goal_m: Vector, strength: f64, observation: &Observation<'_>) -> Vector {
+pub fn keep_right(
+    velocity: Vector,
+    index: usize,
+    goal_m: Vector,
+    strength: f64,
+    observation: &Observation<'_>,
+) -> Vector {
     let speed = length(velocity);
-    let Some(wanted) = direction(velocity) else { return velocity };
+    let Some(wanted) = direction(velocity) else {
+        return velocity;
+    };
     let own = &observation.robots[index];
     let here = [own.pose.x_m, own.pose.y_m];
     let goal_distance_m = length(sub(goal_m, here));
@@ -27,7 +35,8 @@ pub fn keep_right(velocity: Vector, index: usize, goal_m: Vector, strength: f64,
         }
         let line = sub([other.pose.x_m, other.pose.y_m], here);
         let Some(toward) = direction(line) else { continue };
-        let gap_m = length(line) - observation.bodies[index].bounding_radius_m - observation.bodies[j].bounding_radius_m;
+        let gap_m =
+            length(line) - observation.bodies[index].bounding_radius_m - observation.bodies[j].bounding_radius_m;
         let ahead = dot(toward, wanted);
         if gap_m >= RANGE_M || ahead <= LEAST_COSINE || goal_distance_m < gap_m {
             continue;

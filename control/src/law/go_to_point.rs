@@ -25,7 +25,9 @@ struct Progress {
 
 impl GoToPoint {
     pub fn new(robots: usize) -> GoToPoint {
-        GoToPoint { robots: vec![Progress::default(); robots] }
+        GoToPoint {
+            robots: vec![Progress::default(); robots],
+        }
     }
 }
 
@@ -36,7 +38,9 @@ impl Law for GoToPoint {
 
     fn step(&mut self, observation: &Observation<'_>, demands: &mut [Demand]) {
         for (i, (progress, demand)) in self.robots.iter_mut().zip(demands).enumerate() {
-            let (Some(robot), Some(body)) = (observation.robots.get(i), observation.bodies.get(i)) else { continue };
+            let (Some(robot), Some(body)) = (observation.robots.get(i), observation.bodies.get(i)) else {
+                continue;
+            };
             if !robot.pose.is_finite() {
                 demand.finished = progress.finished;
                 continue;
@@ -52,17 +56,29 @@ impl Law for GoToPoint {
     }
 }
 
-fn drive(i: usize, goal: &Goal, drive: Drive, progress: &mut Progress, observation: &Observation<'_>, demand: &mut Demand) {
+fn drive(
+    i: usize,
+    goal: &Goal,
+    drive: Drive,
+    progress: &mut Progress,
+    observation: &Observation<'_>,
+    demand: &mut Demand,
+) {
     let parameters = observation.parameters;
     let pose = &observation.robots[i].pose;
     let first_yaw_rad = *progress.first_yaw_rad.get_or_insert(pose.yaw_rad);
     let way = sub(goal.place_m, [pose.x_m, pose.y_m]);
     let arrived = length(way) <= parameters.get("reach_radius_m");
-    let turned = goal.yaw_rad.is_none_or(|yaw_rad| wrap(yaw_rad - pose.yaw_rad).abs() <= YAW_TOLERANCE_RAD);
+    let turned = goal
+        .yaw_rad
+        .is_none_or(|yaw_rad| wrap(yaw_rad - pose.yaw_rad).abs() <= YAW_TOLERANCE_RAD);
     progress.finished |= arrived && turned;
     demand.finished = progress.finished;
     demand.target = goal.place_m;
-    let straight = clip(scale(way, parameters.get("goal_gain_per_s")), parameters.get("speed_m_per_s"));
+    let straight = clip(
+        scale(way, parameters.get("goal_gain_per_s")),
+        parameters.get("speed_m_per_s"),
+    );
     let velocity = circulation::keep_right(straight, i, goal.place_m, parameters.get("keep_right"), observation);
     let holonomic = drive == Drive::Holonomic;
     let speed = length(velocity);

@@ -108,13 +108,25 @@ pub fn bodies(scenario: &Scenario, robots: &[Robot]) -> Vec<Body> {
     robots
         .iter()
         .zip(radii)
-        .map(|(robot, bounding_radius_m)| Body { name: robot.name().to_owned(), drive: Drive::of(robot), bounding_radius_m })
+        .map(|(robot, bounding_radius_m)| Body {
+            name: robot.name().to_owned(),
+            drive: Drive::of(robot),
+            bounding_radius_m,
+        })
         .collect()
 }
 
 /// Targets of every robot of a scenario.
 pub fn goals(scenario: &Scenario) -> Vec<Vec<Goal>> {
     (0..scenario.experiment.robots.len())
-        .map(|i| scenario.targets_of(i).map(|t| Goal { place_m: [t.x_m, t.y_m], yaw_rad: t.yaw_rad }).collect())
+        .map(|i| {
+            scenario
+                .targets_of(i)
+                .map(|t| Goal {
+                    place_m: [t.x_m, t.y_m],
+                    yaw_rad: t.yaw_rad,
+                })
+                .collect()
+        })
         .collect()
 }

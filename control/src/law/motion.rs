@@ -36,10 +36,16 @@ impl Drive {
         if wheels.iter().any(|w| w.steered) {
             let base_m = (mean_x_m(true) - mean_x_m(false)).abs();
             let tangent = libm::tan(robot.max_steering_rad().clamp(0.05, 1.5));
-            return Drive::Steered { turning_radius_m: base_m / tangent };
+            return Drive::Steered {
+                turning_radius_m: base_m / tangent,
+            };
         }
         let omni = wheels.iter().filter(|w| w.driven && w.kind == "omni").count();
-        if omni >= 3 { Drive::Holonomic } else { Drive::TurnInPlace }
+        if omni >= 3 {
+            Drive::Holonomic
+        } else {
+            Drive::TurnInPlace
+        }
     }
 }
 
@@ -61,15 +67,26 @@ pub fn twist_for(drive: Drive, pose: &Pose, wish: &Wish, yaw_gain_per_s: f64) ->
         Drive::Holonomic => {
             let [forward_m_per_s, left_m_per_s] = body_from_world(wish.velocity, pose.yaw_rad);
             let yaw_rate_rad_per_s = wish.yaw_rad.map_or(0.0, |yaw_rad| turn(wrap(yaw_rad - pose.yaw_rad)));
-            BodyTwist { forward_m_per_s, left_m_per_s, yaw_rate_rad_per_s }
+            BodyTwist {
+                forward_m_per_s,
+                left_m_per_s,
+                yaw_rate_rad_per_s,
+            }
         }
         Drive::TurnInPlace => {
             let Some(error_rad) = pointing_error_rad(pose, wish.aim) else {
                 let yaw_rate_rad_per_s = wish.yaw_rad.map_or(0.0, |yaw_rad| turn(wrap(yaw_rad - pose.yaw_rad)));
-                return BodyTwist { yaw_rate_rad_per_s, ..BodyTwist::default() };
+                return BodyTwist {
+                    yaw_rate_rad_per_s,
+                    ..BodyTwist::default()
+                };
             };
             let forward_m_per_s = dot(wish.velocity, heading(pose.yaw_rad)) * pointing_share(error_rad);
-            BodyTwist { forward_m_per_s, left_m_per_s: 0.0, yaw_rate_rad_per_s: turn(error_rad) }
+            BodyTwist {
+                forward_m_per_s,
+                left_m_per_s: 0.0,
+                yaw_rate_rad_per_s: turn(error_rad),
+            }
         }
         Drive::Steered { turning_radius_m } => steered_twist(pose, wish, turning_radius_m),
     }
@@ -77,13 +94,23 @@ pub fn twist_for(drive: Drive, pose: &Pose, wish: &Wish, yaw_gain_per_s: f64) ->
 
 /// Pure pursuit of the aim, backwards when it lies behind.
 fn steered_twist(pose: &Pose, wish: &Wish, turning_radius_m: f64) -> BodyTwist {
-    let Some(error_rad) = pointing_error_rad(pose, wish.aim) else { return BodyTwist::default() };
-    let sign = if error_rad.abs() > core::f64::consts::FRAC_PI_2 { -1.0 } else { 1.0 };
+    let Some(error_rad) = pointing_error_rad(pose, wish.aim) else {
+        return BodyTwist::default();
+    };
+    let sign = if error_rad.abs() > core::f64::consts::FRAC_PI_2 {
+        -1.0
+    } else {
+        1.0
+    };
     let forward_m_per_s = sign * length(wish.velocity);
     let curvature = 2.0 * libm::sin(error_rad) / length(wish.aim);
     let limit = 1.0 / turning_radius_m.max(1e-3);
     let yaw_rate_rad_per_s = forward_m_per_s * curvature.clamp(-limit, limit);
-    BodyTwist { forward_m_per_s, left_m_per_s: 0.0, yaw_rate_rad_per_s }
+    BodyTwist {
+        forward_m_per_s,
+        left_m_per_s: 0.0,
+        yaw_rate_rad_per_s,
+    }
 }
 
 /// Angle from the robot's forward axis to the aim; `None` when it stands on it.

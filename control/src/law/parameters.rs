@@ -128,14 +128,23 @@ impl Parameters {
     pub fn of(control: &Control) -> Parameters {
         let specs = law_spec(&control.law).map_or(&[][..], |spec| spec.parameters);
         let value = |spec: &ParameterSpec| {
-            control.parameters.get(spec.key).and_then(serde_json::Value::as_f64).unwrap_or(spec.default)
+            control
+                .parameters
+                .get(spec.key)
+                .and_then(serde_json::Value::as_f64)
+                .unwrap_or(spec.default)
         };
-        Parameters { values: specs.iter().map(|spec| (spec.key, value(spec))).collect() }
+        Parameters {
+            values: specs.iter().map(|spec| (spec.key, value(spec))).collect(),
+        }
     }
 
     /// Value of a parameter; 0 for a key that the law does not have.
     pub fn get(&self, key: &str) -> f64 {
-        self.values.iter().find(|(known, _)| *known == key).map_or(0.0, |(_, value)| *value)
+        self.values
+            .iter()
+            .find(|(known, _)| *known == key)
+            .map_or(0.0, |(_, value)| *value)
     }
 }
 
@@ -144,7 +153,12 @@ pub(crate) fn check(control: &Control, report: &mut dyn FnMut(String, String, St
     let Some(spec) = law_spec(&control.law) else {
         let names: Vec<&str> = LAWS.iter().map(|spec| spec.name).collect();
         let message = format!("the control law {:?} is not known", control.law);
-        report("control.law".into(), message, names.join(", "), "choose one of these".into());
+        report(
+            "control.law".into(),
+            message,
+            names.join(", "),
+            "choose one of these".into(),
+        );
         return;
     };
     let keys = || spec.parameters.iter().map(|p| p.key).collect::<Vec<_>>().join(", ");
@@ -152,7 +166,12 @@ pub(crate) fn check(control: &Control, report: &mut dyn FnMut(String, String, St
         serde_json::Value::Object(entries) => entries,
         _ => {
             let message = "the parameters are not an object".to_owned();
-            report("control.parameters".into(), message, keys(), "write {} for the defaults".into());
+            report(
+                "control.parameters".into(),
+                message,
+                keys(),
+                "write {} for the defaults".into(),
+            );
             return;
         }
     };
@@ -163,12 +182,19 @@ pub(crate) fn check(control: &Control, report: &mut dyn FnMut(String, String, St
             report(field, message, keys(), "remove it or use one of these".into());
             continue;
         };
-        let range = format!("{} to {} {}", known.min, known.max, known.unit).trim_end().to_owned();
+        let range = format!("{} to {} {}", known.min, known.max, known.unit)
+            .trim_end()
+            .to_owned();
         match value.as_f64() {
             Some(number) if (known.min..=known.max).contains(&number) => {}
             Some(number) => {
                 let message = format!("{number} {} is outside the range", known.unit);
-                report(field, message, range, format!("choose a value in the range; the default is {}", known.default));
+                report(
+                    field,
+                    message,
+                    range,
+                    format!("choose a value in the range; the default is {}", known.default),
+                );
             }
             None => report(field, format!("{value} is not a number"), range, "give a number".into()),
         }
@@ -184,7 +210,12 @@ mod tests {
         for law in LAWS {
             for (i, p) in law.parameters.iter().enumerate() {
                 assert!(p.min <= p.default && p.default <= p.max, "{}.{}", law.name, p.key);
-                assert!(law.parameters[..i].iter().all(|q| q.key != p.key), "{}.{}", law.name, p.key);
+                assert!(
+                    law.parameters[..i].iter().all(|q| q.key != p.key),
+                    "{}.{}",
+                    law.name,
+                    p.key
+                );
             }
         }
     }

@@ -39,7 +39,9 @@ struct Progress {
 
 impl Waypoints {
     pub fn new(robots: usize) -> Waypoints {
-        Waypoints { robots: vec![Progress::default(); robots] }
+        Waypoints {
+            robots: vec![Progress::default(); robots],
+        }
     }
 }
 
@@ -50,7 +52,9 @@ impl Law for Waypoints {
 
     fn step(&mut self, observation: &Observation<'_>, demands: &mut [Demand]) {
         for (i, (progress, demand)) in self.robots.iter_mut().zip(demands).enumerate() {
-            let (Some(robot), Some(body)) = (observation.robots.get(i), observation.bodies.get(i)) else { continue };
+            let (Some(robot), Some(body)) = (observation.robots.get(i), observation.bodies.get(i)) else {
+                continue;
+            };
             if !robot.pose.is_finite() {
                 demand.finished = progress.finished;
                 continue;
@@ -58,7 +62,11 @@ impl Law for Waypoints {
             let here = [robot.pose.x_m, robot.pose.y_m];
             let waypoints = observation.targets.get(i).map_or(&[][..], Vec::as_slice);
             if waypoints.is_empty() {
-                *demand = Demand { target: here, finished: true, ..Demand::default() };
+                *demand = Demand {
+                    target: here,
+                    finished: true,
+                    ..Demand::default()
+                };
                 continue;
             }
             progress.begin(here, robot.pose.yaw_rad);
@@ -71,7 +79,13 @@ impl Law for Waypoints {
 impl Progress {
     fn begin(&mut self, here: Vector, yaw_rad: f64) {
         if !self.begun {
-            *self = Progress { begun: true, from_m: here, reference_m: here, first_yaw_rad: yaw_rad, ..Progress::default() };
+            *self = Progress {
+                begun: true,
+                from_m: here,
+                reference_m: here,
+                first_yaw_rad: yaw_rad,
+                ..Progress::default()
+            };
         }
     }
 
@@ -81,7 +95,9 @@ impl Progress {
         while !self.finished {
             let Some(active) = waypoints.get(self.index) else { break };
             let close = length(sub(active.place_m, here)) <= parameters.get("reach_radius_m");
-            let turned = active.yaw_rad.is_none_or(|yaw_rad| wrap(yaw_rad - robot.pose.yaw_rad).abs() <= YAW_TOLERANCE_RAD);
+            let turned = active
+                .yaw_rad
+                .is_none_or(|yaw_rad| wrap(yaw_rad - robot.pose.yaw_rad).abs() <= YAW_TOLERANCE_RAD);
             if !(close && turned) {
                 break;
             }
@@ -96,7 +112,14 @@ impl Progress {
         }
     }
 
-    fn follow(&mut self, i: usize, robot: &RobotObservation, body: &Body, waypoints: &[Goal], observation: &Observation<'_>) -> Demand {
+    fn follow(
+        &mut self,
+        i: usize,
+        robot: &RobotObservation,
+        body: &Body,
+        waypoints: &[Goal],
+        observation: &Observation<'_>,
+    ) -> Demand {
         let parameters = observation.parameters;
         let pose = &robot.pose;
         let here = [pose.x_m, pose.y_m];
@@ -108,7 +131,10 @@ impl Progress {
 
         let lag = sub(self.reference_m, here);
         let speed_limit = parameters.get("speed_m_per_s") * 1.25;
-        let straight = clip(add(reference_velocity, scale(lag, parameters.get("tracking_gain_per_s"))), speed_limit);
+        let straight = clip(
+            add(reference_velocity, scale(lag, parameters.get("tracking_gain_per_s"))),
+            speed_limit,
+        );
         let velocity = circulation::keep_right(straight, i, active.place_m, KEEP_RIGHT, observation);
         let swerves = length(sub(velocity, straight)) > 1e-3;
         let aim = match direction(velocity) {
@@ -119,7 +145,11 @@ impl Progress {
         let parked = self.finished && !holonomic;
         let wish = Wish {
             velocity: if parked { [0.0, 0.0] } else { velocity },
-            aim: if parked || self.turns_on_the_spot(here, &active, parameters) { [0.0, 0.0] } else { aim },
+            aim: if parked || self.turns_on_the_spot(here, &active, parameters) {
+                [0.0, 0.0]
+            } else {
+                aim
+            },
             yaw_rad: active.yaw_rad.or(holonomic.then_some(self.first_yaw_rad)),
         };
         Demand {
@@ -148,8 +178,12 @@ impl Progress {
 
     /// Eq. 1 with its step capped; returns the velocity of the reference point.
     fn pull(&mut self, active: &Goal, share: f64, parameters: &Parameters) -> Vector {
-        let step = scale(sub(active.place_m, self.reference_m), parameters.get("epsilon_p") * share);
-        let fastest = (self.reference_speed_m_per_s + ACCELERATION_M_PER_S2 * TICK_S).min(parameters.get("speed_m_per_s") * share);
+        let step = scale(
+            sub(active.place_m, self.reference_m),
+            parameters.get("epsilon_p") * share,
+        );
+        let fastest = (self.reference_speed_m_per_s + ACCELERATION_M_PER_S2 * TICK_S)
+            .min(parameters.get("speed_m_per_s") * share);
         let step = clip(step, fastest * TICK_S);
         self.reference_m = add(self.reference_m, step);
         self.reference_speed_m_per_s = length(step) / TICK_S;

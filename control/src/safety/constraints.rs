@@ -47,6 +47,8 @@ pub struct Constraint {
     pub robot: u32,
     pub against: Against,
     pub bound: f64,
+    /// `n`: from the other robot or the wall to the robot.
+    pub normal: Vector,
     /// Gradients with respect to both velocities, within what each robot can do.
     pub gradient: Vector,
     pub gradient_other: Vector,
@@ -96,7 +98,9 @@ pub fn collect(places: &mut [Place], half_arena: Vector, limits: &Limits, constr
 fn stop_coincident(places: &mut [Place]) {
     for j in 0..places.len() {
         for i in 0..j {
-            let (Some(a), Some(b)) = (places[i].position, places[j].position) else { continue };
+            let (Some(a), Some(b)) = (places[i].position, places[j].position) else {
+                continue;
+            };
             if length(sub(a, b)) < COINCIDENT_M {
                 places[i].movable = false;
                 places[j].movable = false;
@@ -106,7 +110,9 @@ fn stop_coincident(places: &mut [Place]) {
 }
 
 fn pair(index: [usize; 2], [a, b]: [&Place; 2], limits: &Limits, constraints: &mut Vec<Constraint>) {
-    let (Some(at_a), Some(at_b)) = (a.position, b.position) else { return };
+    let (Some(at_a), Some(at_b)) = (a.position, b.position) else {
+        return;
+    };
     if !a.movable && !b.movable {
         return;
     }
@@ -116,7 +122,9 @@ fn pair(index: [usize; 2], [a, b]: [&Place; 2], limits: &Limits, constraints: &m
         return;
     }
     let n = scale(line, 1.0 / distance_m);
-    let closing = (-dot(n, sub(a.velocity, b.velocity))).max(-dot(n, sub(a.commanded, b.commanded))).max(0.0);
+    let closing = (-dot(n, sub(a.velocity, b.velocity)))
+        .max(-dot(n, sub(a.commanded, b.commanded)))
+        .max(0.0);
     let latency_s = limits.latency_s + a.pose_age_s.max(b.pose_age_s);
     let gap_m = distance_m - a.radius_m - b.radius_m - limits.robot_margin_m - closing * latency_s;
     let approach = approach_m_per_s(gap_m, limits);
@@ -132,6 +140,7 @@ fn pair(index: [usize; 2], [a, b]: [&Place; 2], limits: &Limits, constraints: &m
         robot: index[0] as u32,
         against: Against::Robot(index[1] as u32),
         bound,
+        normal: n,
         gradient,
         gradient_other,
         multiplier: 0.0,
@@ -139,7 +148,9 @@ fn pair(index: [usize; 2], [a, b]: [&Place; 2], limits: &Limits, constraints: &m
 }
 
 fn walls(i: usize, place: &Place, half_arena: Vector, limits: &Limits, constraints: &mut Vec<Constraint>) {
-    let Some(position) = place.position.filter(|_| place.movable) else { return };
+    let Some(position) = place.position.filter(|_| place.movable) else {
+        return;
+    };
     let sides = [
         (WallSide::Left, [1.0, 0.0], half_arena[0] + position[0]),
         (WallSide::Right, [-1.0, 0.0], half_arena[0] - position[0]),
@@ -156,6 +167,7 @@ fn walls(i: usize, place: &Place, half_arena: Vector, limits: &Limits, constrain
                 robot: i as u32,
                 against: Against::Wall(side),
                 bound: -approach,
+                normal: n,
                 gradient: place.reachable(n),
                 gradient_other: [0.0, 0.0],
                 multiplier: 0.0,

@@ -9,7 +9,7 @@ use super::intervention::{Cause, Intervention};
 use super::solver::{self, Groups};
 use super::{Filtered, Limits, SafeCommand};
 use crate::law::{Drive, RobotObservation};
-use crate::vector::{Vector, body_from_world, clip, heading, length, scale, sub, world_from_body};
+use crate::vector::{Vector, body_from_world, clip, dot, heading, length, right_of, scale, sub, world_from_body};
 
 /// A change below this is not recorded.
 const RECORDED_M_PER_S: f64 = 2e-3;
@@ -42,8 +42,15 @@ pub struct SafetyFilter {
 }
 
 const STOP: SafeCommand = SafeCommand {
-    twist: BodyTwist { forward_m_per_s: 0.0, left_m_per_s: 0.0, yaw_rate_rad_per_s: 0.0 },
-    wheels: WheelCommand { wheel_rad_per_s: [0.0; twin::MAX_WHEELS], steering_rad: 0.0 },
+    twist: BodyTwist {
+        forward_m_per_s: 0.0,
+        left_m_per_s: 0.0,
+        yaw_rate_rad_per_s: 0.0,
+    },
+    wheels: WheelCommand {
+        wheel_rad_per_s: [0.0; twin::MAX_WHEELS],
+        steering_rad: 0.0,
+    },
 };
 
 impl SafetyFilter {
@@ -73,7 +80,13 @@ impl SafetyFilter {
             factors: vec![1.0; n],
             stops: vec![None; n],
             steering_rad: vec![0.0; n],
-            filtered: vec![Filtered { command: STOP, intervention: None }; n],
+            filtered: vec![
+                Filtered {
+                    command: STOP,
+                    intervention: None
+                };
+                n
+            ],
             bodies,
         }
     }
@@ -103,6 +116,7 @@ impl SafetyFilter {
         }
         solver::project(&mut self.constraints, &mut self.velocities);
         self.shorten();
+        self.steady_turns();
         for i in 0..self.bodies.len() {
             let wanted = desired.get(i).copied().unwrap_or_default();
             self.filtered[i] = self.finish(i, observations.get(i), wanted);
@@ -113,7 +127,10 @@ impl SafetyFilter {
     /// Stop commands for all robots.
     pub fn stop(&mut self) -> &[Filtered] {
         for (i, filtered) in self.filtered.iter_mut().enumerate() {
-            *filtered = Filtered { command: stop_holding(self.steering_rad[i]), intervention: None };
+            *filtered = Filtered {
+                command: stop_holding(self.steering_rad[i]),
+                intervention: None,
+            };
             self.places[i].commanded = [0.0, 0.0];
         }
         &self.filtered
@@ -136,7 +153,11 @@ impl SafetyFilter {
             return;
         };
         place.position = Some([seen.pose.x_m, seen.pose.y_m]);
-        let age_s = if seen.pose_age_s.is_finite() { seen.pose_age_s.max(0.0) } else { f64::MAX };
+        let age_s = if seen.pose_age_s.is_finite() {
+            seen.pose_age_s.max(0.0)
+        } else {
+            f64::MAX
+        };
         place.pose_age_s = age_s.min(limits.oldest_pose_s);
         if age_s > limits.oldest_pose_s {
             place.radius_m += (limits.stale_growth_m_per_s * age_s).min(limits.stale_growth_m);
@@ -145,14 +166,20 @@ impl SafetyFilter {
         let known = body_velocity[0].is_finite() && body_velocity[1].is_finite();
         let yaw_rad = seen.pose.yaw_rad;
         self.yaw_rad[i] = yaw_rad;
-        place.velocity = if known { clip(world_from_body(body_velocity, yaw_rad), 2.0 * limits.speed_m_per_s) } else { [0.0, 0.0] };
+        place.velocity = if known {
+            clip(world_from_body(body_velocity, yaw_rad), 2.0 * limits.speed_m_per_s)
+        } else {
+            [0.0, 0.0]
+        };
         let holonomic = self.drives[i] == Drive::Holonomic;
         place.axis = (!holonomic).then(|| heading(yaw_rad));
         if place.movable {
             let sideways = if holonomic { wanted.left_m_per_s } else { 0.0 };
             let velocity = clip([wanted.forward_m_per_s, sideways], limits.speed_m_per_s);
             self.velocities[i] = world_from_body(velocity, yaw_rad);
-            self.yaw_rates[i] = wanted.yaw_rate_rad_per_s.clamp(-limits.yaw_rate_rad_per_s, limits.yaw_rate_rad_per_s);
+            self.yaw_rates[i] = wanted
+                .yaw_rate_rad_per_s
+                .clamp(-limits.yaw_rate_rad_per_s, limits.yaw_rate_rad_per_s);
         }
     }
 
@@ -175,7 +202,14 @@ impl SafetyFilter {
         }
         for constraint in &self.constraints {
             let factor = solver::shortening(constraint, &self.velocities);
-            let robots = [Some(constraint.robot), if let Against::Robot(other) = constraint.against { Some(other) } else { None }];
+            let robots = [
+                Some(constraint.robot),
+                if let Against::Robot(other) = constraint.against {
+                    Some(other)
+                } else {
+                    None
+                },
+            ];
             for robot in robots.into_iter().flatten() {
                 let group = self.groups.of(robot as usize);
                 self.factors[group] = self.factors[group].min(factor);
@@ -186,13 +220,48 @@ impl SafetyFilter {
         }
     }
 
+    /// Limits yaw rates where turning would bend a velocity into a constraint before the command takes effect.
+    ///
+    /// A command is a twist in the body frame; after the latency t it points r t further round. What this adds to the
+    /// approach may not exceed what the gap allows, so it vanishes with the gap. Turning away is never limited.
+    fn steady_turns(&mut self) {
+        for constraint in &self.constraints {
+            let (other, allowed) = match constraint.against {
+                Against::Robot(other) => (Some(other as usize), -constraint.bound / 2.0),
+                Against::Wall(_) => (None, -constraint.bound),
+            };
+            let own = (constraint.robot as usize, constraint.normal);
+            let other = other.map(|other| (other, scale(constraint.normal, -1.0)));
+            for (i, normal) in [Some(own), other].into_iter().flatten() {
+                let latency_s = self.limits.latency_s + self.places[i].pose_age_s;
+                let left = scale(right_of(self.velocities[i]), -1.0);
+                let bend = dot(normal, left) * self.yaw_rates[i] * latency_s;
+                if bend < -allowed {
+                    self.yaw_rates[i] *= allowed / -bend;
+                }
+            }
+        }
+    }
+
     /// Factor that brings a robot's speed and its wheels (translation only) within their limits.
     fn limit_factor(&self, i: usize) -> f64 {
         let speed = length(self.velocities[i]);
-        let body = if speed > self.limits.speed_m_per_s { self.limits.speed_m_per_s / speed } else { 1.0 };
+        let body = if speed > self.limits.speed_m_per_s {
+            self.limits.speed_m_per_s / speed
+        } else {
+            1.0
+        };
         let [forward_m_per_s, left_m_per_s] = body_from_world(self.velocities[i], self.yaw_rad[i]);
-        let left_m_per_s = if self.drives[i] == Drive::Holonomic { left_m_per_s } else { 0.0 };
-        let straight = BodyTwist { forward_m_per_s, left_m_per_s, yaw_rate_rad_per_s: 0.0 };
+        let left_m_per_s = if self.drives[i] == Drive::Holonomic {
+            left_m_per_s
+        } else {
+            0.0
+        };
+        let straight = BodyTwist {
+            forward_m_per_s,
+            left_m_per_s,
+            yaw_rate_rad_per_s: 0.0,
+        };
         let wheels = largest_wheel(&self.bodies[i].robot, &straight);
         let limit = self.wheel_limit(i);
         if wheels > limit { body.min(limit / wheels) } else { body }
@@ -209,7 +278,10 @@ impl SafetyFilter {
             self.places[i].commanded = [0.0, 0.0];
             let cause = self.stops[i].unwrap_or(Cause::Infeasible);
             let intervention = Some(record(cause, requested, BodyTwist::default()));
-            return Filtered { command: stop_holding(self.steering_rad[i]), intervention };
+            return Filtered {
+                command: stop_holding(self.steering_rad[i]),
+                intervention,
+            };
         };
         let twist = self.twist(i, seen, requested);
         let robot = &self.bodies[i].robot;
@@ -218,15 +290,23 @@ impl SafetyFilter {
         for speed in &mut wheels.wheel_rad_per_s {
             *speed = speed.clamp(-limit, limit);
         }
-        wheels.steering_rad = wheels.steering_rad.clamp(-robot.max_steering_rad(), robot.max_steering_rad());
+        wheels.steering_rad = wheels
+            .steering_rad
+            .clamp(-robot.max_steering_rad(), robot.max_steering_rad());
         if wheels.non_finite_field().is_some() {
             self.places[i].commanded = [0.0, 0.0];
             let intervention = Some(record(Cause::NotFinite, requested, BodyTwist::default()));
-            return Filtered { command: stop_holding(0.0), intervention };
+            return Filtered {
+                command: stop_holding(0.0),
+                intervention,
+            };
         }
         self.steering_rad[i] = wheels.steering_rad;
         self.places[i].commanded = self.velocities[i];
-        Filtered { command: SafeCommand { twist, wheels }, intervention: self.judge(i, requested, twist) }
+        Filtered {
+            command: SafeCommand { twist, wheels },
+            intervention: self.judge(i, requested, twist),
+        }
     }
 
     /// The filtered velocity as a body twist, the yaw rate reduced to what the wheels leave for it.
@@ -234,9 +314,17 @@ impl SafetyFilter {
         let [forward_m_per_s, left_m_per_s] = body_from_world(self.velocities[i], seen.pose.yaw_rad);
         if let Drive::Steered { .. } = self.drives[i] {
             // A steered robot keeps its arc: the yaw rate follows the speed.
-            let arc = if requested.forward_m_per_s.abs() > 1e-6 { forward_m_per_s / requested.forward_m_per_s } else { 0.0 };
+            let arc = if requested.forward_m_per_s.abs() > 1e-6 {
+                forward_m_per_s / requested.forward_m_per_s
+            } else {
+                0.0
+            };
             let yaw_rate_rad_per_s = self.yaw_rates[i] * arc.clamp(-1.0, 1.0);
-            let twist = BodyTwist { forward_m_per_s, left_m_per_s: 0.0, yaw_rate_rad_per_s };
+            let twist = BodyTwist {
+                forward_m_per_s,
+                left_m_per_s: 0.0,
+                yaw_rate_rad_per_s,
+            };
             let (limit, needed) = (self.wheel_limit(i), largest_wheel(&self.bodies[i].robot, &twist));
             let factor = if needed > limit { limit / needed } else { 1.0 };
             return BodyTwist {
@@ -245,14 +333,28 @@ impl SafetyFilter {
                 yaw_rate_rad_per_s: yaw_rate_rad_per_s * factor,
             };
         }
-        let left_m_per_s = if self.drives[i] == Drive::Holonomic { left_m_per_s } else { 0.0 };
+        let left_m_per_s = if self.drives[i] == Drive::Holonomic {
+            left_m_per_s
+        } else {
+            0.0
+        };
         let robot = &self.bodies[i].robot;
-        let straight = BodyTwist { forward_m_per_s, left_m_per_s, yaw_rate_rad_per_s: 0.0 };
-        let turning = BodyTwist { yaw_rate_rad_per_s: self.yaw_rates[i], ..BodyTwist::default() };
+        let straight = BodyTwist {
+            forward_m_per_s,
+            left_m_per_s,
+            yaw_rate_rad_per_s: 0.0,
+        };
+        let turning = BodyTwist {
+            yaw_rate_rad_per_s: self.yaw_rates[i],
+            ..BodyTwist::default()
+        };
         let left_over = (self.wheel_limit(i) - largest_wheel(robot, &straight)).max(0.0);
         let needed = largest_wheel(robot, &turning);
         let share = if needed > left_over { left_over / needed } else { 1.0 };
-        BodyTwist { yaw_rate_rad_per_s: self.yaw_rates[i] * share, ..straight }
+        BodyTwist {
+            yaw_rate_rad_per_s: self.yaw_rates[i] * share,
+            ..straight
+        }
     }
 
     /// What changed the command most; `None` when nothing did.
@@ -261,13 +363,24 @@ impl SafetyFilter {
         if intervention.change_m_per_s < RECORDED_M_PER_S && intervention.change_rad_per_s < RECORDED_RAD_PER_S {
             return None;
         }
-        let mut cause = if self.factors[self.groups.of(i)] == 0.0 { Cause::Infeasible } else { self.limit_cause(requested) };
+        let mut cause = if self.factors[self.groups.of(i)] == 0.0 {
+            Cause::Infeasible
+        } else {
+            self.limit_cause(requested)
+        };
         let mut largest = RECORDED_M_PER_S / 2.0;
         for constraint in self.constraints.iter().filter(|c| c.multiplier > 0.0) {
             let (gradient, found) = match constraint.against {
                 Against::Wall(side) if constraint.robot as usize == i => (constraint.gradient, Cause::Wall { side }),
-                Against::Robot(other) if constraint.robot as usize == i => (constraint.gradient, Cause::Robot { other }),
-                Against::Robot(other) if other as usize == i => (constraint.gradient_other, Cause::Robot { other: constraint.robot }),
+                Against::Robot(other) if constraint.robot as usize == i => {
+                    (constraint.gradient, Cause::Robot { other })
+                }
+                Against::Robot(other) if other as usize == i => (
+                    constraint.gradient_other,
+                    Cause::Robot {
+                        other: constraint.robot,
+                    },
+                ),
                 _ => continue,
             };
             let push = constraint.multiplier * length(gradient);
@@ -287,13 +400,22 @@ impl SafetyFilter {
 }
 
 fn stop_holding(steering_rad: f64) -> SafeCommand {
-    SafeCommand { wheels: WheelCommand { steering_rad, ..STOP.wheels }, ..STOP }
+    SafeCommand {
+        wheels: WheelCommand {
+            steering_rad,
+            ..STOP.wheels
+        },
+        ..STOP
+    }
 }
 
 /// Why a robot may not move at all.
 fn stop_cause(observation: Option<&RobotObservation>, wanted: &BodyTwist, limits: &Limits) -> Option<Cause> {
-    let Some(seen) = observation else { return Some(Cause::Offline) };
-    let finite = wanted.forward_m_per_s.is_finite() && wanted.left_m_per_s.is_finite() && wanted.yaw_rate_rad_per_s.is_finite();
+    let Some(seen) = observation else {
+        return Some(Cause::Offline);
+    };
+    let finite =
+        wanted.forward_m_per_s.is_finite() && wanted.left_m_per_s.is_finite() && wanted.yaw_rate_rad_per_s.is_finite();
     if !seen.online {
         Some(Cause::Offline)
     } else if !seen.pose.is_finite() || !finite {
@@ -306,11 +428,18 @@ fn stop_cause(observation: Option<&RobotObservation>, wanted: &BodyTwist, limits
 }
 
 fn largest_wheel(robot: &Robot, twist: &BodyTwist) -> f64 {
-    robot.wheel_speeds(*twist).wheel_rad_per_s.iter().fold(0.0, |largest: f64, speed| largest.max(speed.abs()))
+    robot
+        .wheel_speeds(*twist)
+        .wheel_rad_per_s
+        .iter()
+        .fold(0.0, |largest: f64, speed| largest.max(speed.abs()))
 }
 
 fn record(cause: Cause, requested: BodyTwist, applied: BodyTwist) -> Intervention {
-    let change = sub([requested.forward_m_per_s, requested.left_m_per_s], [applied.forward_m_per_s, applied.left_m_per_s]);
+    let change = sub(
+        [requested.forward_m_per_s, requested.left_m_per_s],
+        [applied.forward_m_per_s, applied.left_m_per_s],
+    );
     let turn = requested.yaw_rate_rad_per_s - applied.yaw_rate_rad_per_s;
     let finite = |value: f64| if value.is_finite() { value } else { 0.0 };
     let requested = BodyTwist {
@@ -318,5 +447,10 @@ fn record(cause: Cause, requested: BodyTwist, applied: BodyTwist) -> Interventio
         left_m_per_s: finite(requested.left_m_per_s),
         yaw_rate_rad_per_s: finite(requested.yaw_rate_rad_per_s),
     };
-    Intervention { cause, change_m_per_s: finite(length(change)), change_rad_per_s: finite(turn.abs()), requested }
+    Intervention {
+        cause,
+        change_m_per_s: finite(length(change)),
+        change_rad_per_s: finite(turn.abs()),
+        requested,
+    }
 }

@@ -17,8 +17,12 @@ pub enum WallSide {
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Cause {
     /// Another robot, by its position in the experiment.
-    Robot { other: u32 },
-    Wall { side: WallSide },
+    Robot {
+        other: u32,
+    },
+    Wall {
+        side: WallSide,
+    },
     /// Body speed or yaw rate above the limit.
     Speed,
     /// A wheel would turn faster than it can.

@@ -64,7 +64,9 @@ pub struct Groups {
 
 impl Groups {
     pub fn new(robots: usize) -> Groups {
-        Groups { parent: (0..robots as u32).collect() }
+        Groups {
+            parent: (0..robots as u32).collect(),
+        }
     }
 
     pub fn reset(&mut self) {
@@ -95,7 +97,15 @@ mod tests {
 
     fn wall(robot: u32, n: Vector, bound: f64) -> Constraint {
         let against = Against::Wall(super::super::WallSide::Left);
-        Constraint { robot, against, bound, gradient: n, gradient_other: [0.0, 0.0], multiplier: 0.0 }
+        Constraint {
+            robot,
+            against,
+            bound,
+            normal: n,
+            gradient: n,
+            gradient_other: [0.0, 0.0],
+            multiplier: 0.0,
+        }
     }
 
     #[test]
@@ -103,7 +113,10 @@ mod tests {
         let mut constraints = [wall(0, [1.0, 0.0], -0.1), wall(0, [0.0, 1.0], -0.2)];
         let mut velocities = [[-1.0, -1.0]];
         project(&mut constraints, &mut velocities);
-        assert!((velocities[0][0] + 0.099).abs() < 1e-6 && (velocities[0][1] + 0.199).abs() < 1e-6, "{velocities:?}");
+        assert!(
+            (velocities[0][0] + 0.099).abs() < 1e-6 && (velocities[0][1] + 0.199).abs() < 1e-6,
+            "{velocities:?}"
+        );
     }
 
     #[test]
@@ -112,6 +125,7 @@ mod tests {
             robot: 0,
             against: Against::Robot(1),
             bound: 0.0,
+            normal: [-1.0, 0.0],
             gradient: [-1.0, 0.0],
             gradient_other: [1.0, 0.0],
             multiplier: 0.0,

@@ -5,7 +5,8 @@ use std::collections::BTreeSet;
 use twin::robot::Robot;
 
 use super::{
-    FORMAT, FieldProblem, MAX_DURATION_S, MAX_ROBOTS, MAX_TARGETS, MIN_DURATION_S, MIN_START_GAP_M, Scenario, ScenarioRobot,
+    FORMAT, FieldProblem, MAX_DURATION_S, MAX_ROBOTS, MAX_TARGETS, MIN_DURATION_S, MIN_START_GAP_M, Scenario,
+    ScenarioRobot,
 };
 use crate::law;
 use crate::vector::{length, sub};
@@ -33,14 +34,30 @@ pub fn check(scenario: &Scenario) -> Vec<FieldProblem> {
 struct Problems(Vec<FieldProblem>);
 
 impl Problems {
-    fn add(&mut self, field: impl Into<String>, message: impl Into<String>, limit: impl Into<String>, remedy: impl Into<String>) {
-        self.0.push(FieldProblem { field: field.into(), message: message.into(), limit: limit.into(), remedy: remedy.into() });
+    fn add(
+        &mut self,
+        field: impl Into<String>,
+        message: impl Into<String>,
+        limit: impl Into<String>,
+        remedy: impl Into<String>,
+    ) {
+        self.0.push(FieldProblem {
+            field: field.into(),
+            message: message.into(),
+            limit: limit.into(),
+            remedy: remedy.into(),
+        });
     }
 
     /// Adds a problem and returns false when the number is not finite.
     fn finite(&mut self, field: String, value: f64, unit: &str) -> bool {
         if !value.is_finite() {
-            self.add(field, format!("{value} is not a finite number"), format!("a finite number of {unit}"), "give a number");
+            self.add(
+                field,
+                format!("{value} is not a finite number"),
+                format!("a finite number of {unit}"),
+                "give a number",
+            );
         }
         value.is_finite()
     }
@@ -60,11 +77,24 @@ fn check_arena(scenario: &Scenario, problems: &mut Problems) {
     }
     if scenario.experiment.arena != arena.name {
         let message = format!("the arena {:?} is not here", scenario.experiment.arena);
-        problems.add("arena", message, format!("{:?}", arena.name), "name the arena of the laboratory");
+        problems.add(
+            "arena",
+            message,
+            format!("{:?}", arena.name),
+            "name the arena of the laboratory",
+        );
     }
     if scenario.experiment.floor != arena.floor {
-        let message = format!("the arena {:?} has no floor {:?}", arena.name, scenario.experiment.floor);
-        problems.add("floor", message, format!("{:?}", arena.floor), "name the floor that the arena has");
+        let message = format!(
+            "the arena {:?} has no floor {:?}",
+            arena.name, scenario.experiment.floor
+        );
+        problems.add(
+            "floor",
+            message,
+            format!("{:?}", arena.floor),
+            "name the floor that the arena has",
+        );
     }
 }
 
@@ -82,8 +112,17 @@ fn check_document(scenario: &Scenario, problems: &mut Problems) {
             "choose a duration in this range",
         );
     }
-    if experiment.model.as_ref().is_some_and(|model| model.is_empty() || model.len() > 128) {
-        problems.add("model", "a model version has 1 to 128 characters", "1 to 128 characters", "leave it null for the nominal twin");
+    if experiment
+        .model
+        .as_ref()
+        .is_some_and(|model| model.is_empty() || model.len() > 128)
+    {
+        problems.add(
+            "model",
+            "a model version has 1 to 128 characters",
+            "1 to 128 characters",
+            "leave it null for the nominal twin",
+        );
     }
 }
 
@@ -91,14 +130,24 @@ fn check_robots(scenario: &Scenario, problems: &mut Problems) {
     let robots = &scenario.experiment.robots;
     if robots.is_empty() || robots.len() > MAX_ROBOTS {
         let message = format!("{} robots", robots.len());
-        problems.add("robots", message, format!("1 to {MAX_ROBOTS} robots"), "choose at least one and not more than the limit");
+        problems.add(
+            "robots",
+            message,
+            format!("1 to {MAX_ROBOTS} robots"),
+            "choose at least one and not more than the limit",
+        );
     }
     let mut names = BTreeSet::new();
     for (i, robot) in robots.iter().enumerate() {
         let at = format!("robots[{i}]");
         if robot.name.is_empty() || robot.name.chars().count() > MAX_NAME_CHARACTERS {
             let limit = format!("1 to {MAX_NAME_CHARACTERS} characters");
-            problems.add(format!("{at}.name"), "the name is empty or too long", limit, "name a robot of the laboratory");
+            problems.add(
+                format!("{at}.name"),
+                "the name is empty or too long",
+                limit,
+                "name a robot of the laboratory",
+            );
         }
         if !names.insert(robot.name.as_str()) {
             let message = format!("{:?} is named twice", robot.name);
@@ -106,37 +155,82 @@ fn check_robots(scenario: &Scenario, problems: &mut Problems) {
         }
         if !CHASSIS.contains(&robot.chassis.as_str()) {
             let message = format!("the chassis {:?} is not known", robot.chassis);
-            problems.add(format!("{at}.chassis"), message, CHASSIS.join(", "), "choose one of these");
+            problems.add(
+                format!("{at}.chassis"),
+                message,
+                CHASSIS.join(", "),
+                "choose one of these",
+            );
         }
         if !CONTROLLERS.contains(&robot.controller.as_str()) {
             let message = format!("the controller {:?} is not known", robot.controller);
-            problems.add(format!("{at}.controller"), message, CONTROLLERS.join(", "), "choose one of these");
+            problems.add(
+                format!("{at}.controller"),
+                message,
+                CONTROLLERS.join(", "),
+                "choose one of these",
+            );
         }
         check_lab_robot(scenario, i, &at, problems);
     }
     if scenario.robots.len() > robots.len() {
-        let message = format!("{} robots for an experiment with {}", scenario.robots.len(), robots.len());
-        problems.add("laboratory.robots", message, "the robots of the experiment, in its order", "leave the others out");
+        let message = format!(
+            "{} robots for an experiment with {}",
+            scenario.robots.len(),
+            robots.len()
+        );
+        problems.add(
+            "laboratory.robots",
+            message,
+            "the robots of the experiment, in its order",
+            "leave the others out",
+        );
     }
 }
 
 /// The laboratory must have the robot, with the same chassis and controller.
 fn check_lab_robot(scenario: &Scenario, i: usize, at: &str, problems: &mut Problems) {
     let robot = &scenario.experiment.robots[i];
-    let Some(known) = scenario.robots.get(i).filter(|known| known.description.name == robot.name) else {
+    let Some(known) = scenario
+        .robots
+        .get(i)
+        .filter(|known| known.description.name == robot.name)
+    else {
         let message = format!("the laboratory has no robot {:?}", robot.name);
-        let names: Vec<&str> = scenario.robots.iter().map(|known| known.description.name.as_str()).collect();
-        problems.add(format!("{at}.name"), message, names.join(", "), "name a robot of the laboratory");
+        let names: Vec<&str> = scenario
+            .robots
+            .iter()
+            .map(|known| known.description.name.as_str())
+            .collect();
+        problems.add(
+            format!("{at}.name"),
+            message,
+            names.join(", "),
+            "name a robot of the laboratory",
+        );
         return;
     };
     let chassis = chassis_name(known);
     if robot.chassis != chassis {
         let message = format!("{} has the chassis {chassis:?}, not {:?}", robot.name, robot.chassis);
-        problems.add(format!("{at}.chassis"), message, format!("{chassis:?}"), "use the chassis of the robot or another robot");
+        problems.add(
+            format!("{at}.chassis"),
+            message,
+            format!("{chassis:?}"),
+            "use the chassis of the robot or another robot",
+        );
     }
     if robot.controller != known.controller {
-        let message = format!("{} has the controller {:?}, not {:?}", robot.name, known.controller, robot.controller);
-        problems.add(format!("{at}.controller"), message, format!("{:?}", known.controller), "use the controller of the robot");
+        let message = format!(
+            "{} has the controller {:?}, not {:?}",
+            robot.name, known.controller, robot.controller
+        );
+        problems.add(
+            format!("{at}.controller"),
+            message,
+            format!("{:?}", known.controller),
+            "use the controller of the robot",
+        );
     }
     if !BOUNDING_RADIUS_M.contains(&known.bounding_radius_m) {
         problems.add(
@@ -161,7 +255,11 @@ fn chassis_name(robot: &ScenarioRobot) -> String {
 }
 
 fn radius_m(scenario: &Scenario, i: usize) -> f64 {
-    scenario.robots.get(i).map_or(0.0, |robot| robot.bounding_radius_m).clamp(0.0, *BOUNDING_RADIUS_M.end())
+    scenario
+        .robots
+        .get(i)
+        .map_or(0.0, |robot| robot.bounding_radius_m)
+        .clamp(0.0, *BOUNDING_RADIUS_M.end())
 }
 
 fn check_starts(scenario: &Scenario, problems: &mut Problems) {
@@ -169,19 +267,34 @@ fn check_starts(scenario: &Scenario, problems: &mut Problems) {
     for (i, robot) in robots.iter().enumerate() {
         let start = robot.start;
         problems.finite(format!("robots[{i}].start.yaw_rad"), start.yaw_rad, "radians");
-        let place = [("x_m", start.x_m, scenario.arena.width_m), ("y_m", start.y_m, scenario.arena.height_m)];
+        let place = [
+            ("x_m", start.x_m, scenario.arena.width_m),
+            ("y_m", start.y_m, scenario.arena.height_m),
+        ];
         for (axis, value_m, side_m) in place {
-            inside(problems, &format!("robots[{i}].start.{axis}"), value_m, side_m, radius_m(scenario, i));
+            inside(
+                problems,
+                &format!("robots[{i}].start.{axis}"),
+                value_m,
+                side_m,
+                radius_m(scenario, i),
+            );
         }
     }
     for (j, second) in robots.iter().enumerate().take(MAX_ROBOTS) {
         for (i, first) in robots.iter().enumerate().take(j) {
-            let distance_m = length(sub([first.start.x_m, first.start.y_m], [second.start.x_m, second.start.y_m]));
+            let distance_m = length(sub(
+                [first.start.x_m, first.start.y_m],
+                [second.start.x_m, second.start.y_m],
+            ));
             let least_m = radius_m(scenario, i) + radius_m(scenario, j) + MIN_START_GAP_M;
             if distance_m < least_m {
                 problems.add(
                     format!("robots[{j}].start"),
-                    format!("{} and {} start {distance_m:.3} m apart and would overlap", first.name, second.name),
+                    format!(
+                        "{} and {} start {distance_m:.3} m apart and would overlap",
+                        first.name, second.name
+                    ),
                     format!("at least {least_m:.3} m between their centres"),
                     "move one of the two start poses",
                 );
@@ -211,7 +324,12 @@ fn check_targets(scenario: &Scenario, problems: &mut Problems) {
     let targets = &experiment.targets;
     if targets.is_empty() || targets.len() > MAX_TARGETS {
         let message = format!("{} targets", targets.len());
-        problems.add("targets", message, format!("1 to {MAX_TARGETS} targets"), "give at least one and not more than the limit");
+        problems.add(
+            "targets",
+            message,
+            format!("1 to {MAX_TARGETS} targets"),
+            "give at least one and not more than the limit",
+        );
     }
     let mut with_goal = BTreeSet::new();
     for (t, target) in targets.iter().enumerate().take(MAX_TARGETS) {
@@ -226,17 +344,39 @@ fn check_targets(scenario: &Scenario, problems: &mut Problems) {
                 Some(name) => format!("the experiment has no robot {name:?}"),
                 None => "with several robots every target names its robot".to_owned(),
             };
-            problems.add(format!("targets[{t}].robot"), message, names.join(", "), "name one of the robots");
+            problems.add(
+                format!("targets[{t}].robot"),
+                message,
+                names.join(", "),
+                "name one of the robots",
+            );
             continue;
         };
-        inside(problems, &format!("targets[{t}].x_m"), target.x_m, scenario.arena.width_m, radius_m(scenario, index));
-        inside(problems, &format!("targets[{t}].y_m"), target.y_m, scenario.arena.height_m, radius_m(scenario, index));
+        inside(
+            problems,
+            &format!("targets[{t}].x_m"),
+            target.x_m,
+            scenario.arena.width_m,
+            radius_m(scenario, index),
+        );
+        inside(
+            problems,
+            &format!("targets[{t}].y_m"),
+            target.y_m,
+            scenario.arena.height_m,
+            radius_m(scenario, index),
+        );
         if let Some(yaw_rad) = target.yaw_rad {
             problems.finite(format!("targets[{t}].yaw_rad"), yaw_rad, "radians");
         }
         if experiment.control.law == law::GO_TO_POINT && !with_goal.insert(index) {
             let message = format!("{} has more than one goal", experiment.robots[index].name);
-            problems.add(format!("targets[{t}].robot"), message, "one goal for each robot", "use the law waypoints for several");
+            problems.add(
+                format!("targets[{t}].robot"),
+                message,
+                "one goal for each robot",
+                "use the law waypoints for several",
+            );
         }
     }
     if experiment.control.law == law::GO_TO_POINT {
@@ -247,7 +387,12 @@ fn check_targets(scenario: &Scenario, problems: &mut Problems) {
 /// Two goals closer than the circles can never both be reached.
 fn check_goals_apart(scenario: &Scenario, problems: &mut Problems) {
     let goals: Vec<(usize, [f64; 2])> = (0..scenario.experiment.robots.len().min(MAX_ROBOTS))
-        .filter_map(|i| scenario.targets_of(i).next().map(|target| (i, [target.x_m, target.y_m])))
+        .filter_map(|i| {
+            scenario
+                .targets_of(i)
+                .next()
+                .map(|target| (i, [target.x_m, target.y_m]))
+        })
         .collect();
     for (later, (j, second)) in goals.iter().enumerate() {
         for (i, first) in &goals[..later] {
@@ -257,7 +402,10 @@ fn check_goals_apart(scenario: &Scenario, problems: &mut Problems) {
                 let robots = &scenario.experiment.robots;
                 problems.add(
                     "targets",
-                    format!("the goals of {} and {} are {distance_m:.3} m apart", robots[*i].name, robots[*j].name),
+                    format!(
+                        "the goals of {} and {} are {distance_m:.3} m apart",
+                        robots[*i].name, robots[*j].name
+                    ),
                     format!("at least {least_m:.3} m between their centres"),
                     "move one of the two goals",
                 );

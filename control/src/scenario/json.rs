@@ -18,17 +18,28 @@ fn problem(text: &str, error: &serde_json::Error) -> FieldProblem {
     let syntax = error.is_syntax() || error.is_eof();
     let mut path = path_at(text, error.line(), error.column());
     let message = error.to_string();
-    if let Some(name) = message.strip_prefix("missing field `").and_then(|rest| rest.split('`').next()) {
+    if let Some(name) = message
+        .strip_prefix("missing field `")
+        .and_then(|rest| rest.split('`').next())
+    {
         join(&mut path, name);
     }
     FieldProblem {
         field: in_experiment(&path),
-        message: if syntax { format!("not valid JSON: {message}") } else { message.clone() },
+        message: if syntax {
+            format!("not valid JSON: {message}")
+        } else {
+            message.clone()
+        },
         limit: expected(&message),
         remedy: if syntax {
             format!("correct the text at line {}, column {}", error.line(), error.column())
         } else {
-            format!("correct the field at line {}, column {}; examples/experiments shows complete ones", error.line(), error.column())
+            format!(
+                "correct the field at line {}, column {}; examples/experiments shows complete ones",
+                error.line(),
+                error.column()
+            )
         },
     }
 }
@@ -44,7 +55,11 @@ fn in_experiment(path: &str) -> String {
 
 /// What serde says it wanted, without the position.
 fn expected(message: &str) -> String {
-    let wanted = message.find("expected ").map_or("a complete document of the form robopheus.experiment/1", |at| &message[at..]);
+    let wanted = message
+        .find("expected ")
+        .map_or("a complete document of the form robopheus.experiment/1", |at| {
+            &message[at..]
+        });
     wanted.split(" at line ").next().unwrap_or(wanted).to_owned()
 }
 
@@ -63,7 +78,11 @@ enum Open {
 
 /// Path of the value at a 1-based line and byte column of a JSON text that may be broken after that place.
 fn path_at(text: &str, line: usize, column: usize) -> String {
-    let before: usize = text.split_inclusive('\n').take(line.saturating_sub(1)).map(str::len).sum();
+    let before: usize = text
+        .split_inclusive('\n')
+        .take(line.saturating_sub(1))
+        .map(str::len)
+        .sum();
     let end = before.saturating_add(column.saturating_sub(1)).min(text.len());
     let mut open: Vec<Open> = Vec::new();
     let mut bytes = text.bytes().enumerate().peekable();

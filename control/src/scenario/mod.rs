@@ -126,7 +126,11 @@ impl Scenario {
     pub fn from_json(text: &str) -> Result<Scenario, Vec<FieldProblem>> {
         let scenario = Scenario::parse(text)?;
         let problems = scenario.check();
-        if problems.is_empty() { Ok(scenario) } else { Err(problems) }
+        if problems.is_empty() {
+            Ok(scenario)
+        } else {
+            Err(problems)
+        }
     }
 
     /// Reads a scenario without checking its rules; only its form is known to be right.
@@ -143,9 +147,12 @@ impl Scenario {
     pub fn targets_of(&self, index: usize) -> impl Iterator<Item = &Target> {
         let name = self.experiment.robots.get(index).map(|robot| robot.name.as_str());
         let alone = self.experiment.robots.len() == 1;
-        self.experiment.targets.iter().filter(move |target| match &target.robot {
-            Some(robot) => Some(robot.as_str()) == name,
-            None => alone,
-        })
+        self.experiment
+            .targets
+            .iter()
+            .filter(move |target| match &target.robot {
+                Some(robot) => Some(robot.as_str()) == name,
+                None => alone,
+            })
     }
 }
