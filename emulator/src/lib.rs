@@ -1,1 +1,21 @@
+//! Robots and tracker in software, for a laboratory without hardware.
+//!
+//! [`Laboratory`] is everything without IO: firmware ([`robot::firmware`]) and plant of every robot, what the tracker sees,
+//! and the fault menu; time is an argument. The program adds sockets and the clock. The plant is on purpose not the digital
+//! twin: other equations at a finer step, and a hidden configuration that nobody else reads.
 
+pub mod clock;
+pub mod faults;
+pub mod hand;
+pub mod hidden;
+pub mod keys;
+pub mod laboratory;
+pub mod link;
+pub mod noise;
+pub mod plant;
+pub mod sensors;
+pub mod socket;
+pub mod tracker;
+pub mod unit;
+
+pub use laboratory::Laboratory;

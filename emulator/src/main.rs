@@ -1,1 +1,105 @@
-fn main() {}
+//! `robopheus-emulator`: an arena with robots and a tracker, in software.
+
+use anyhow::Context;
+use clap::Parser;
+use emulator::hand::Hand;
+use emulator::hidden::Hidden;
+use emulator::keys::{Keys, make_keys};
+use emulator::link::Link;
+use emulator::plant::TICK_HZ;
+use emulator::tracker::TrackerStream;
+use emulator::{Laboratory, clock};
+use std::net::IpAddr;
+use std::path::PathBuf;
+
+/// Telemetry and tracker run at a quarter of the firmware's rate: 120 Hz.
+const TICKS_PER_PICTURE: u64 = 4;
+/// A backlog longer than this (the process was stopped) is not made up for: the robots stood still meanwhile.
+const MAX_BACKLOG_TICKS: i64 = 120;
+
+/// Robots and tracker of a laboratory in software, speaking the hardware's bytes.
+#[derive(Debug, Parser)]
+#[command(name = "robopheus-emulator", version)]
+struct Settings {
+    /// The laboratory's file, robopheus.lab/1.
+    #[arg(long, env = "ROBOPHEUS_LAB")]
+    lab: PathBuf,
+    /// Link keys, one per robot.
+    #[arg(long, env = "ROBOPHEUS_KEYS")]
+    keys: PathBuf,
+    /// Make the key file if there is none.
+    #[arg(long)]
+    make_keys: bool,
+    /// Robot n listens on this UDP port + n.
+    #[arg(long, env = "ROBOPHEUS_ROBOT_UDP_BASE", default_value_t = 9000)]
+    robot_udp_base: u16,
+    /// Address that the robots listen on.
+    #[arg(long, default_value = "127.0.0.1")]
+    bind: IpAddr,
+    /// Socket of the tracker stream.
+    #[arg(long, env = "ROBOPHEUS_TRACKER")]
+    tracker: PathBuf,
+    /// Socket of the hand that puts robots on the floor.
+    #[arg(long, env = "ROBOPHEUS_HAND")]
+    hand: PathBuf,
+    /// Hidden configuration of robots and floors; the built-in one when left out.
+    #[arg(long)]
+    plant: Option<PathBuf>,
+    /// Seed of noise and of the variation from run to run.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+}
+
+fn main() -> anyhow::Result<()> {
+    let settings = Settings::parse();
+    let filter = tracing_subscriber::EnvFilter::try_from_default_env().unwrap_or_else(|_| "info".into());
+    tracing_subscriber::fmt().with_writer(std::io::stderr).with_env_filter(filter).init();
+    let text = std::fs::read_to_string(&settings.lab).with_context(|| format!("cannot read {}", settings.lab.display()))?;
+    let description: api::lab::LabDescription = serde_json::from_str(&text).with_context(|| format!("{} is not a laboratory's file", settings.lab.display()))?;
+    if settings.make_keys && make_keys(&settings.keys, description.robots.iter().map(|robot| robot.number))? {
+        tracing::info!(path = %settings.keys.display(), "link keys made");
+    }
+    let keys = Keys::read(&settings.keys).with_context(|| format!("cannot use {}", settings.keys.display()))?;
+    let hidden = settings.plant.as_deref().map_or_else(Hidden::reference, Hidden::read)?;
+    let mut laboratory = Laboratory::new(&description, hidden, &keys, settings.seed)?;
+    clock::catch_end_signals();
+    let mut link = Link::bind(settings.bind, settings.robot_udp_base, &laboratory)?;
+    let mut tracker = TrackerStream::listen(&settings.tracker, settings.seed)?;
+    let mut hand = Hand::listen(&settings.hand)?;
+    tracing::info!(robots = description.robots.len(), udp_base = settings.robot_udp_base, "emulated laboratory is up");
+    run(&mut laboratory, &mut link, &mut tracker, &mut hand);
+    tracing::info!("emulated laboratory ends");
+    Ok(())
+}
+
+/// Firmware and plant at 480 Hz against absolute deadlines, telemetry and pictures every fourth tick.
+fn run(laboratory: &mut Laboratory, link: &mut Link, tracker: &mut TrackerStream, hand: &mut Hand) {
+    let tick_us = |tick: i64| tick * 1_000_000 / i64::from(TICK_HZ);
+    let (mut start_us, mut done, mut pictures) = (clock::monotonic_us(), 0i64, 0u64);
+    while !clock::end_requested() {
+        // With nothing on the floor, four firmware steps at a time are fine enough.
+        let stride = if laboratory.is_floor_empty() { TICKS_PER_PICTURE as i64 } else { 1 };
+        clock::sleep_until(start_us + tick_us(done + stride));
+        let now_us = clock::monotonic_us();
+        link.receive(laboratory, clock::monotonic_us);
+        let mut due = (now_us - start_us) * i64::from(TICK_HZ) / 1_000_000 - done;
+        if due > MAX_BACKLOG_TICKS {
+            tracing::warn!(ticks = due, "the emulator was held up; robots stood still meanwhile");
+            start_us += tick_us(due - 1);
+            due = 1;
+        }
+        for _ in 0..due {
+            laboratory.tick(now_us);
+            done += 1;
+        }
+        let picture = done as u64 / TICKS_PER_PICTURE;
+        if picture > pictures {
+            pictures = picture;
+            hand.poll(laboratory);
+            link.send_telemetry(laboratory, clock::monotonic_us);
+            // The plant stands at its last tick, not at this moment.
+            tracker.expose(start_us + tick_us(done), laboratory.expose());
+        }
+        tracker.poll(clock::monotonic_us());
+    }
+}

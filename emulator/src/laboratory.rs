@@ -1,0 +1,151 @@
+//! All robots, the floor and what the tracker sees, without IO: time and bytes are arguments.
+
+use crate::faults::{FaultKind, FaultRequest};
+use crate::hidden::Hidden;
+use crate::keys::Keys;
+use crate::noise::Noise;
+use crate::plant::Pose;
+use crate::plant::arena::{Arena, Occupant};
+use crate::plant::body::BodyError;
+use crate::tracker::{TrackedPose, TrackerModel};
+use crate::unit::Unit;
+use api::lab::LabDescription;
+use serde::{Deserialize, Serialize};
+
+/// Where the hand puts a robot.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Placement {
+    pub number: u8,
+    pub x_m: f64,
+    pub y_m: f64,
+    pub yaw_rad: f64,
+}
+
+/// Why the hand or the fault menu refuses.
+#[derive(Debug, thiserror::Error)]
+pub enum HandError {
+    #[error("there is no robot {0}")]
+    Unknown(u8),
+    #[error("robot {0} is listed twice")]
+    Twice(u8),
+    #[error("robot {0} would not stand on the floor: its circle crosses a wall or its pose is no number")]
+    Outside(u8),
+    #[error("robots {0} and {1} would overlap")]
+    Overlap(u8, u8),
+    #[error("{name} {value} is outside {range}")]
+    Parameter { name: &'static str, value: f64, range: &'static str },
+    #[error(transparent)]
+    Body(#[from] BodyError),
+}
+
+/// Why a laboratory cannot be emulated.
+#[derive(Debug, thiserror::Error)]
+pub enum LaboratoryError {
+    #[error("no key for robot {0}; add it to the key file or run with --make-keys and without the file")]
+    KeyMissing(u8),
+    #[error("robot number {0} stands twice in the laboratory's file")]
+    NumberTwice(u8),
+    #[error(transparent)]
+    Body(#[from] BodyError),
+}
+
+/// The emulated laboratory.
+#[derive(Debug)]
+pub struct Laboratory {
+    units: Vec<Unit>,
+    arena: Arena,
+    hidden: Hidden,
+    tracker: TrackerModel,
+}
+
+impl Laboratory {
+    /// All robots on their shelves.
+    pub fn new(description: &LabDescription, hidden: Hidden, keys: &Keys, seed: u64) -> Result<Self, LaboratoryError> {
+        let mut units: Vec<Unit> = Vec::with_capacity(description.robots.len());
+        for robot in &description.robots {
+            if units.iter().any(|unit| unit.robot().number == robot.number) {
+                return Err(LaboratoryError::NumberTwice(robot.number));
+            }
+            let key = keys.get(robot.number).ok_or(LaboratoryError::KeyMissing(robot.number))?;
+            units.push(Unit::new(robot, key, &hidden, seed)?);
+        }
+        let arena = Arena { width_m: description.arena.width_m, height_m: description.arena.height_m, floor: hidden.floor(&description.arena.floor) };
+        Ok(Self { units, arena, hidden, tracker: TrackerModel::new(Noise::new(seed, u64::MAX)) })
+    }
+
+    pub fn units(&self) -> &[Unit] {
+        &self.units
+    }
+
+    /// In the order of the laboratory's file.
+    pub fn unit_mut(&mut self, index: usize) -> Option<&mut Unit> {
+        self.units.get_mut(index)
+    }
+
+    pub fn is_floor_empty(&self) -> bool {
+        self.units.iter().all(|unit| unit.on_floor().is_none())
+    }
+
+    /// One 480 Hz step of all firmware and of the robots on the floor.
+    pub fn tick(&mut self, now_us: i64) {
+        self.units.iter_mut().for_each(|unit| unit.step_firmware(now_us));
+        let mut occupants: Vec<Occupant<'_>> = self.units.iter_mut().filter_map(Unit::occupant).collect();
+        if !occupants.is_empty() {
+            self.arena.tick(&mut occupants);
+        }
+    }
+
+    /// What the tracker makes of a picture taken now.
+    pub fn expose(&mut self) -> Vec<TrackedPose> {
+        self.tracker.expose(&self.units)
+    }
+
+    /// Puts these robots on the floor and takes all others off it; nothing changes when it is refused.
+    pub fn place(&mut self, placements: &[Placement]) -> Result<(), HandError> {
+        self.check_placements(placements)?;
+        for unit in &mut self.units {
+            match placements.iter().find(|placement| placement.number == unit.robot().number) {
+                Some(placement) => unit.place(Pose { x_m: placement.x_m, y_m: placement.y_m, yaw_rad: placement.yaw_rad }, &self.hidden)?,
+                None => unit.lift(),
+            }
+        }
+        Ok(())
+    }
+
+    pub fn set_fault(&mut self, request: FaultRequest) -> Result<(), HandError> {
+        let unit = self.units.iter_mut().find(|unit| unit.robot().number == request.number).ok_or(HandError::Unknown(request.number))?;
+        match request.kind {
+            FaultKind::DropFrames { fraction } if !(0.0..=1.0).contains(&fraction) => Err(HandError::Parameter { name: "fraction", value: fraction, range: "0..=1" }),
+            FaultKind::LowBattery { charge } if !(0.0..=1.0).contains(&charge) => Err(HandError::Parameter { name: "charge", value: charge, range: "0..=1" }),
+            FaultKind::StuckWheel { wheel } if wheel >= robot::MAX_MOTORS => Err(HandError::Parameter { name: "wheel", value: wheel as f64, range: "0..4" }),
+            kind => {
+                unit.set_fault(kind);
+                Ok(())
+            }
+        }
+    }
+
+    fn check_placements(&self, placements: &[Placement]) -> Result<(), HandError> {
+        let mut standing: Vec<(&Placement, f64)> = Vec::with_capacity(placements.len());
+        for placement in placements {
+            let number = placement.number;
+            let unit = self.units.iter().find(|unit| unit.robot().number == number).ok_or(HandError::Unknown(number))?;
+            let radius_m = unit.robot().bounding_radius_m;
+            let inside = placement.x_m.abs() <= self.arena.width_m / 2.0 - radius_m && placement.y_m.abs() <= self.arena.height_m / 2.0 - radius_m;
+            if !inside || !placement.yaw_rad.is_finite() {
+                return Err(HandError::Outside(number));
+            }
+            for (other, other_radius_m) in &standing {
+                if other.number == number {
+                    return Err(HandError::Twice(number));
+                }
+                if (other.x_m - placement.x_m).hypot(other.y_m - placement.y_m) < radius_m + other_radius_m {
+                    return Err(HandError::Overlap(other.number, number));
+                }
+            }
+            standing.push((placement, radius_m));
+        }
+        Ok(())
+    }
+}

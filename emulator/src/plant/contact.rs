@@ -1,0 +1,101 @@
+//! Contact of one wheel: lumped bristles (LuGre) with the rolling term of the average lumped tyre model.
+//!
+//! dz/dt = s - (s_0 |s| / g(|s|) + kappa R |W| / L) z,   F / N = s_0 z + s_1(|s|) dz/dt
+//! g(v) = mu (mu_k + (1 - mu_k) / (1 + (v / v_s)^2))        [Canudas de Wit et al. 1995; 1999 for the rolling term]
+//!
+//! At rest the bristles are springs, so a robot stays where it is. Rolling carries deflected bristles out of the patch: a
+//! driven wheel creeps in proportion to its force, which the digital twin's contact does not.
+
+/// Stiffness of the bristles over load.
+const STIFFNESS_PER_M: f64 = 800.0;
+/// Damping over load at rest; it fades with slip so that the model stays passive.
+const DAMPING_S_PER_M: f64 = 2.5;
+const DAMPING_FADE_M_PER_S: f64 = 0.05;
+/// Sliding over breakaway friction, and the slip at which it is half way there.
+const KINETIC_SHARE: f64 = 0.88;
+const STRIBECK_M_PER_S: f64 = 0.06;
+/// kappa / L: bristles that leave the patch per metre rolled.
+const RENEWAL_PER_M: f64 = 1.3 / 0.025;
+
+/// Deflection of the bristles, along and across the rolling direction.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Bristles {
+    deflection_m: [f64; 2],
+}
+
+/// What drives the bristles in a step.
+#[derive(Debug, Clone, Copy)]
+pub struct Slip {
+    /// Velocity of the tread over the floor along and across; an omni wheel does not slip across.
+    pub velocity_m_per_s: [f64; 2],
+    /// |R W|.
+    pub rolling_m_per_s: f64,
+    pub friction: f64,
+    pub load_n: f64,
+}
+
+impl Bristles {
+    /// Moves the bristles by a step and returns the force on the robot along and across.
+    pub fn step(&mut self, slip: &Slip, dt_s: f64) -> [f64; 2] {
+        let [along, across] = slip.velocity_m_per_s;
+        let speed = (along * along + across * across).sqrt();
+        let stribeck = 1.0 / (1.0 + (speed / STRIBECK_M_PER_S) * (speed / STRIBECK_M_PER_S));
+        let limit = slip.friction * (KINETIC_SHARE + (1.0 - KINETIC_SHARE) * stribeck);
+        let decay_per_s = STIFFNESS_PER_M * speed / limit.max(1e-6) + RENEWAL_PER_M * slip.rolling_m_per_s;
+        let fade = speed / DAMPING_FADE_M_PER_S;
+        let damping_s_per_m = DAMPING_S_PER_M / (1.0 + fade * fade);
+        let mut force_n = [0.0; 2];
+        for ((force, deflection), velocity) in force_n.iter_mut().zip(&mut self.deflection_m).zip(slip.velocity_m_per_s) {
+            let before = *deflection;
+            *deflection = (before + dt_s * velocity) / (1.0 + dt_s * decay_per_s);
+            *force = slip.load_n * (STIFFNESS_PER_M * *deflection + damping_s_per_m * (*deflection - before) / dt_s);
+        }
+        force_n
+    }
+
+    /// Elastic energy under a load.
+    pub fn energy_j(&self, load_n: f64) -> f64 {
+        let [along, across] = self.deflection_m;
+        0.5 * load_n * STIFFNESS_PER_M * (along * along + across * across)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const DT_S: f64 = 1.0 / 7680.0;
+
+    fn settle(velocity: [f64; 2], rolling_m_per_s: f64) -> [f64; 2] {
+        let mut bristles = Bristles::default();
+        let slip = Slip { velocity_m_per_s: velocity, rolling_m_per_s, friction: 0.8, load_n: 30.0 };
+        (0..7680).fold([0.0; 2], |_, _| bristles.step(&slip, DT_S))
+    }
+
+    #[test]
+    fn sliding_force_opposes_slip_within_the_friction_circle() {
+        for velocity in [[1.0, 0.0], [0.0, -2.0], [0.6, 0.8], [-3.0, 0.1]] {
+            let [along, across] = settle(velocity, 0.0);
+            let size = along.hypot(across);
+            assert!((size - 24.0 * KINETIC_SHARE).abs() < 0.1, "{size}");
+            assert!((along * velocity[1] - across * velocity[0]).abs() < 1e-6 && along * velocity[0] + across * velocity[1] > 0.0);
+        }
+    }
+
+    #[test]
+    fn a_rolling_wheel_creeps_in_proportion() {
+        let (one, two) = (settle([0.001, 0.0], 1.0)[0], settle([0.002, 0.0], 1.0)[0]);
+        assert!(one > 0.2 && (two / one - 2.0).abs() < 0.1, "{one} {two}");
+    }
+
+    #[test]
+    fn a_small_push_is_held_by_the_bristles() {
+        let mut bristles = Bristles::default();
+        let slip = |velocity| Slip { velocity_m_per_s: [velocity, 0.0], rolling_m_per_s: 0.0, friction: 0.8, load_n: 30.0 };
+        for _ in 0..10 {
+            bristles.step(&slip(0.01), DT_S);
+        }
+        let held = (0..7680).fold(0.0, |_, _| bristles.step(&slip(0.0), DT_S)[0]);
+        assert!(held > 0.2, "{held}");
+    }
+}

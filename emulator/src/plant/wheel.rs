@@ -1,0 +1,121 @@
+//! One wheel with what hangs on it: contact, and a motor behind its gear where it is driven.
+
+use super::Step;
+use super::contact::{Bristles, Slip};
+use super::motor::{Gear, Motor, MotorState};
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum WheelKind {
+    /// Free across its rolling direction.
+    Omni,
+    Standard,
+    /// Carries load and drags a little.
+    Caster,
+}
+
+/// Constants of one wheel.
+#[derive(Debug, Clone, Copy)]
+pub struct Wheel {
+    pub kind: WheelKind,
+    /// From the centre of mass.
+    pub x_m: f64,
+    pub y_m: f64,
+    pub rolling_direction_rad: f64,
+    pub steered: bool,
+    pub radius_m: f64,
+    /// Without the rotor.
+    pub inertia_kg_m2: f64,
+    /// Friction of the bearing of a wheel without motor.
+    pub viscous_n_m_s: f64,
+    /// Drag of rollers and casters over load.
+    pub roller_drag: f64,
+    pub drive: Option<(Motor, Gear)>,
+}
+
+/// Moving parts of one wheel.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct WheelState {
+    pub speed_rad_per_s: f64,
+    pub motor: MotorState,
+    /// Rotor angle minus wheel angle.
+    pub twist_rad: f64,
+    pub bristles: Bristles,
+    /// Cosine and sine of the rolling direction.
+    pub direction: [f64; 2],
+    /// Load of the last step.
+    pub load_n: f64,
+}
+
+/// What a wheel meets in a step.
+#[derive(Debug, Clone, Copy)]
+pub struct WheelInput {
+    /// Velocity of the wheel's hub over the floor in the body frame.
+    pub hub_m_per_s: [f64; 2],
+    pub load_n: f64,
+    pub friction: f64,
+    pub rolling_resistance: f64,
+    /// `None`: power stage off.
+    pub voltage_v: Option<f64>,
+    /// Held by a fault.
+    pub stuck: bool,
+}
+
+/// Slip speed at which roller and rolling drag have half their size.
+const DRAG_HALF_M_PER_S: f64 = 0.01;
+
+impl Wheel {
+    /// Moves the wheel by a step and returns the force on the body in the body frame.
+    pub fn step(&self, state: &mut WheelState, input: &WheelInput, step: Step) -> [f64; 2] {
+        state.load_n = input.load_n;
+        let [cos, sin] = state.direction;
+        let [forward, left] = input.hub_m_per_s;
+        if self.kind == WheelKind::Caster {
+            let drag = (self.roller_drag + input.rolling_resistance) * input.load_n / (forward.hypot(left) + DRAG_HALF_M_PER_S);
+            return [-drag * forward, -drag * left];
+        }
+        let (along, across) = (forward * cos + left * sin, left * cos - forward * sin);
+        let rim_m_per_s = self.radius_m * state.speed_rad_per_s;
+        let across_slip = if self.kind == WheelKind::Omni { 0.0 } else { -across };
+        let slip = Slip { velocity_m_per_s: [rim_m_per_s - along, across_slip], rolling_m_per_s: rim_m_per_s.abs(), friction: input.friction, load_n: input.load_n };
+        let [force_along, mut force_across] = state.bristles.step(&slip, step.dt_s);
+        if self.kind == WheelKind::Omni {
+            force_across = -self.roller_drag * input.load_n * across / (across.abs() + DRAG_HALF_M_PER_S);
+        }
+        self.spin(state, input, force_along, step);
+        [force_along * cos - force_across * sin, force_along * sin + force_across * cos]
+    }
+
+    fn spin(&self, state: &mut WheelState, input: &WheelInput, force_along_n: f64, step: Step) {
+        let dt_s = step.dt_s;
+        let mut gear_n_m = 0.0;
+        let mut viscous_n_m_s = self.viscous_n_m_s;
+        if let Some((motor, gear)) = &self.drive {
+            let rate = state.motor.speed_rad_per_s - state.speed_rad_per_s;
+            gear_n_m = gear.torque_n_m(state.twist_rad, rate);
+            motor.step(&mut state.motor, input.voltage_v, gear_n_m, step);
+            viscous_n_m_s = 0.0;
+        }
+        if input.stuck {
+            state.speed_rad_per_s = 0.0;
+        } else {
+            let torque_n_m = gear_n_m - self.radius_m * force_along_n;
+            let rolling_n_m_s = input.rolling_resistance * input.load_n * self.radius_m / (state.speed_rad_per_s.abs() + DRAG_HALF_M_PER_S / self.radius_m);
+            let braking = 1.0 + dt_s * (viscous_n_m_s + rolling_n_m_s) / self.inertia_kg_m2;
+            state.speed_rad_per_s = (state.speed_rad_per_s + dt_s * torque_n_m / self.inertia_kg_m2) / braking;
+        }
+        if self.drive.is_some() {
+            state.twist_rad += dt_s * (state.motor.speed_rad_per_s - state.speed_rad_per_s);
+        }
+    }
+
+    /// Kinetic and elastic energy of the wheel and its motor.
+    pub fn energy_j(&self, state: &WheelState) -> f64 {
+        let spinning = 0.5 * self.inertia_kg_m2 * state.speed_rad_per_s * state.speed_rad_per_s + state.bristles.energy_j(state.load_n);
+        let driven = self.drive.map_or(0.0, |(motor, gear)| {
+            0.5 * motor.rotor_inertia_kg_m2 * state.motor.speed_rad_per_s * state.motor.speed_rad_per_s
+                + 0.5 * motor.inductance_h * state.motor.current_a * state.motor.current_a
+                + gear.energy_j(state.twist_rad)
+        });
+        spinning + driven
+    }
+}

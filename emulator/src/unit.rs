@@ -1,0 +1,193 @@
+//! One emulated robot: firmware, body, sensors, its own clock and its faults.
+
+use crate::faults::{FaultKind, Faults};
+use crate::hidden::{Hidden, HiddenRobot};
+use crate::noise::Noise;
+use crate::plant::Pose;
+use crate::plant::body::{Body, BodyError, Drive};
+use crate::sensors::SensorSet;
+use api::robot::LabRobot;
+use robot::firmware::{Firmware, Received, Settings};
+use robot::frame::TELEMETRY_MAX_CHARACTERS;
+use robot::key::Key;
+use robot::speed_loop::SpeedLoopSettings;
+use robot::watchdog::WatchdogSettings;
+
+/// Largest drift of a robot's clock.
+const DRIFT_PPM: f64 = 50.0;
+/// Robots were switched on up to this long before the emulator started.
+const UPTIME_US: f64 = 3.6e9;
+
+/// What a frame asks of the link.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Reception {
+    /// From the current commander: telemetry goes there from now on.
+    Commander,
+    /// Authentic, but not from the commander: one answer.
+    Probe,
+    /// Lost, damaged or forged: no answer.
+    Nothing,
+}
+
+/// One robot of the laboratory, on the floor or on its shelf.
+#[derive(Debug)]
+pub struct Unit {
+    robot: LabRobot,
+    hidden: HiddenRobot,
+    settings: Settings,
+    firmware: Firmware,
+    body: Body,
+    on_floor: bool,
+    sensors: SensorSet,
+    drive: Drive,
+    faults: Faults,
+    clock: SkewedClock,
+    random: Noise,
+}
+
+impl Unit {
+    /// A robot on its shelf, switched on.
+    pub fn new(robot: &LabRobot, key: Key, hidden: &Hidden, seed: u64) -> Result<Self, BodyError> {
+        let hidden_robot = hidden.robot(&robot.description.name);
+        let stream = u64::from(robot.number) << 32;
+        let mut random = Noise::new(seed, stream);
+        let body = Body::new(&robot.description, robot.bounding_radius_m, &hidden_robot, &hidden.run_variation, &mut random)?;
+        let motor = robot.description.motor.as_ref();
+        let settings = Settings {
+            number: robot.number,
+            key,
+            motors: body.driven_wheels().count(),
+            speed_loop: SpeedLoopSettings {
+                kp_v_s_per_rad: motor.map_or(0.0, |motor| motor.speed_loop_kp_v_s_per_rad),
+                ki_v_per_rad: motor.map_or(0.0, |motor| motor.speed_loop_ki_v_per_rad),
+                sample_s: 1.0 / robot::firmware::RATE_HZ,
+            },
+            watchdog: WatchdogSettings::default(),
+        };
+        Ok(Self {
+            sensors: SensorSet::new(robot.description.noise.as_ref(), &hidden_robot, Noise::new(seed, stream + 1)),
+            clock: SkewedClock { offset_us: (random.uniform() * UPTIME_US) as i64, drift_ppm: DRIFT_PPM * (2.0 * random.uniform() - 1.0) },
+            robot: robot.clone(),
+            hidden: hidden_robot,
+            settings,
+            firmware: Firmware::new(settings),
+            body,
+            on_floor: false,
+            drive: Drive { motor_v: None, steering_rad: 0.0, stuck_wheel: None },
+            faults: Faults::default(),
+            random,
+        })
+    }
+
+    pub fn robot(&self) -> &LabRobot {
+        &self.robot
+    }
+
+    pub fn firmware(&self) -> &Firmware {
+        &self.firmware
+    }
+
+    pub fn faults(&self) -> &Faults {
+        &self.faults
+    }
+
+    /// The body while it stands on the floor.
+    pub fn on_floor(&self) -> Option<&Body> {
+        self.on_floor.then_some(&self.body)
+    }
+
+    /// The same, with what drives it, for the arena to move.
+    pub(crate) fn occupant(&mut self) -> Option<crate::plant::arena::Occupant<'_>> {
+        self.on_floor.then_some(crate::plant::arena::Occupant { body: &mut self.body, drive: self.drive })
+    }
+
+    /// Puts the robot down at rest, with this run's variation of its parameters. The firmware keeps its largest epoch.
+    pub fn place(&mut self, pose: Pose, hidden: &Hidden) -> Result<(), BodyError> {
+        let mut body = Body::new(&self.robot.description, self.robot.bounding_radius_m, &self.hidden, &hidden.run_variation, &mut self.random)?;
+        body.place(pose);
+        self.sensors.carry_angles_over(&self.body);
+        self.body = body;
+        self.on_floor = true;
+        self.firmware.reset_drives();
+        Ok(())
+    }
+
+    /// Takes the robot off the floor.
+    pub fn lift(&mut self) {
+        self.on_floor = false;
+    }
+
+    pub fn set_fault(&mut self, kind: FaultKind) {
+        match kind {
+            FaultKind::Dead => self.faults.dead = true,
+            FaultKind::StuckWheel { wheel } => self.faults.stuck_wheel = Some(wheel),
+            FaultKind::DropFrames { fraction } => self.faults.dropped_fraction = fraction,
+            FaultKind::TrackerLost => self.faults.tracker_lost = true,
+            FaultKind::TrackerFrozen => self.faults.tracker_frozen = true,
+            FaultKind::LowBattery { charge } => self.body.battery.charge = charge,
+            FaultKind::None => {
+                if self.faults.dead {
+                    self.firmware = Firmware::new(self.settings);
+                }
+                self.faults = Faults::default();
+            }
+        }
+    }
+
+    /// One firmware step; the voltages hold until the next.
+    pub fn step_firmware(&mut self, now_us: i64) {
+        self.drive = Drive { motor_v: None, steering_rad: self.drive.steering_rad, stuck_wheel: self.faults.stuck_wheel };
+        if self.faults.dead {
+            return;
+        }
+        let sensors = self.sensors.sample(&self.body, self.on_floor);
+        let outputs = self.firmware.step(self.clock.read_ms(now_us), &sensors);
+        if self.on_floor {
+            self.drive.motor_v = Some(outputs.motor_v);
+            self.drive.steering_rad = outputs.steering_rad;
+        } else {
+            self.firmware.reset_drives();
+        }
+    }
+
+    /// Takes a datagram off the link.
+    pub fn receive(&mut self, bytes: &[u8], now_us: i64) -> Reception {
+        if self.faults.dead || self.loses_frame() {
+            return Reception::Nothing;
+        }
+        match self.firmware.on_datagram(bytes, self.clock.read_ms(now_us)) {
+            received if received.is_in_order() => Reception::Commander,
+            Received::Refused(robot::acceptance::Refusal::OldEpoch { .. } | robot::acceptance::Refusal::OutOfOrder { .. }) => Reception::Probe,
+            _ => Reception::Nothing,
+        }
+    }
+
+    /// Writes telemetry for the commander; 0 characters when it is lost or the robot is dead.
+    pub fn telemetry(&mut self, now_us: i64, out: &mut [u8; TELEMETRY_MAX_CHARACTERS]) -> usize {
+        if self.faults.dead || self.loses_frame() { 0 } else { self.firmware.telemetry(self.clock.read_ms(now_us), out) }
+    }
+
+    /// Writes the answer to a [`Reception::Probe`].
+    pub fn probe_reply(&mut self, now_us: i64, out: &mut [u8; TELEMETRY_MAX_CHARACTERS]) -> usize {
+        if self.faults.dead || self.loses_frame() { 0 } else { self.firmware.probe_reply(self.clock.read_ms(now_us), out) }
+    }
+
+    fn loses_frame(&mut self) -> bool {
+        self.faults.dropped_fraction > 0.0 && self.random.uniform() < self.faults.dropped_fraction
+    }
+}
+
+/// A robot's millisecond clock: set at its own power-on, and a little fast or slow.
+#[derive(Debug, Clone, Copy)]
+struct SkewedClock {
+    offset_us: i64,
+    drift_ppm: f64,
+}
+
+impl SkewedClock {
+    fn read_ms(&self, host_us: i64) -> u32 {
+        let drifted_us = host_us + (host_us as f64 * self.drift_ppm * 1e-6) as i64 + self.offset_us;
+        // Wraps around like the 32-bit counter of a microcontroller.
+        (drifted_us / 1000) as u32
+    }
+}

@@ -1,0 +1,158 @@
+//! Firmware and plant together, through frames only.
+
+mod bench;
+
+use bench::{Bench, every_chassis, forward, reference, wheels};
+use emulator::faults::{FaultKind, FaultRequest};
+use emulator::hidden::Hidden;
+use robot::frame::Command;
+
+fn hidden() -> Hidden {
+    Hidden::reference().unwrap()
+}
+
+fn fault(bench: &mut Bench, number: u8, kind: FaultKind) {
+    bench.laboratory.set_fault(FaultRequest { number, kind }).unwrap();
+}
+
+#[test]
+fn every_chassis_reaches_its_commanded_wheel_speeds() {
+    let description = every_chassis();
+    for (index, robot) in description.robots.iter().enumerate() {
+        let mut bench = Bench::new(&description, hidden(), 1);
+        bench.place(&[(robot.number, -1.0, 0.0, 0.0)]);
+        let set_points = forward(&robot.description, 0.5);
+        bench.drive_for(2.0, |_| wheels(set_points));
+        let pose = bench.pose(index);
+        let telemetry = bench.telemetry[index].unwrap();
+        assert!(telemetry.status.running && telemetry.status.clock_known && !telemetry.status.latched, "{:?}", telemetry.status);
+        let wheel_speeds: Vec<f64> = bench.laboratory.units()[index].on_floor().unwrap().driven_wheels().map(|wheel| wheel.speed_rad_per_s).collect();
+        for (speed, set_point) in wheel_speeds.iter().zip(set_points) {
+            assert!((speed - set_point).abs() < 0.4 + 0.03 * set_point.abs(), "{}: {speed} of {set_point}", robot.description.name);
+        }
+        assert!((pose.x_m + 1.0 - 0.95).abs() < 0.15, "{}: {pose:?}", robot.description.name);
+        assert!((bench.speed_m_per_s(index) - 0.5).abs() < 0.05, "{}: {} m/s", robot.description.name, bench.speed_m_per_s(index));
+        assert!((18.0..26.0).contains(&telemetry.bus_v));
+    }
+}
+
+#[test]
+fn a_robot_whose_link_is_cut_stops_within_the_promised_distance() {
+    let description = reference();
+    for (index, robot) in description.robots.iter().enumerate() {
+        let mut bench = Bench::new(&description, hidden(), 2);
+        bench.place(&[(robot.number, -1.5, 0.0, 0.0)]);
+        bench.drive_for(2.0, |_| wheels(forward(&robot.description, 0.5)));
+        let speed_m_per_s = bench.speed_m_per_s(index);
+        let cut_x_m = bench.pose(index).x_m;
+        bench.drive_for(1.0, |_| None);
+        let distance_m = bench.pose(index).x_m - cut_x_m;
+        // One control period of travel since the last command, firmware step and drive lag on top of v 0.1 + v^2 / 2a.
+        let promised_m = speed_m_per_s * 0.1 + speed_m_per_s * speed_m_per_s / 4.0 + speed_m_per_s * 0.035;
+        println!("{}: {distance_m} m of {promised_m} m at {speed_m_per_s} m/s", robot.description.name);
+        assert!(bench.speed_m_per_s(index) < 0.01 && distance_m < promised_m && distance_m > speed_m_per_s * 0.1);
+        assert!(bench.telemetry[index].unwrap().status.latched);
+        bench.drive_for(0.5, |_| wheels([5.0; 4]));
+        assert!(bench.speed_m_per_s(index) < 0.01, "latched");
+        bench.drive_for(0.5, |_| Some(Command { clear: true, ..wheels(forward(&robot.description, 0.3)).unwrap() }));
+        assert!(bench.speed_m_per_s(index) > 0.1, "cleared");
+    }
+}
+
+#[test]
+fn motion_needs_frames_and_a_placed_robot_keeps_its_epoch() {
+    let description = reference();
+    let mut bench = Bench::new(&description, hidden(), 2);
+    bench.place(&[(1, 0.0, 0.0, 0.0)]);
+    bench.drive_for(0.5, |_| wheels([3.0; 4]));
+    bench.place(&[(1, 0.5, 0.5, 1.0), (2, -0.5, -0.5, 0.0)]);
+    assert_eq!(bench.laboratory.units()[0].firmware().epoch(), 1);
+    let placed = bench.pose(0);
+    assert_eq!((placed.x_m, placed.y_m, placed.yaw_rad), (0.5, 0.5, 1.0));
+    bench.drive_for(1.0, |_| None);
+    let rested = bench.pose(1);
+    assert!((rested.x_m + 0.5).hypot(rested.y_m + 0.5) < 1e-3, "{rested:?}");
+}
+
+#[test]
+fn faults_do_what_they_say() {
+    let description = reference();
+    let mut bench = Bench::new(&description, hidden(), 4);
+    bench.place(&[(1, -1.0, 0.0, 0.0), (2, 1.0, 0.0, 0.0), (3, 0.0, 1.0, 0.0), (4, 0.0, -1.0, 0.0)]);
+    let spin = |_: usize| wheels([4.0; 4]);
+    bench.drive_for(1.0, spin);
+    fault(&mut bench, 1, FaultKind::Dead);
+    fault(&mut bench, 2, FaultKind::StuckWheel { wheel: 2 });
+    fault(&mut bench, 3, FaultKind::DropFrames { fraction: 1.0 });
+    fault(&mut bench, 4, FaultKind::TrackerLost);
+    bench.drive_for(1.5, spin);
+    assert!(bench.telemetry[0].is_none() && bench.speed_m_per_s(0) < 0.05, "dead");
+    assert!(bench.telemetry[1].unwrap().wheel_rad_per_s[2].abs() < 0.5, "stuck");
+    assert!(bench.telemetry[2].is_none(), "dropped");
+    assert!(bench.laboratory.expose().iter().all(|pose| pose.number != 4), "tracker lost");
+    for number in 1..=4 {
+        fault(&mut bench, number, FaultKind::None);
+    }
+    bench.drive_for(0.5, |_| Some(Command { clear: true, ..Command::default() }));
+    assert!(bench.telemetry.iter().all(Option::is_some));
+    assert!(bench.laboratory.set_fault(FaultRequest { number: 99, kind: FaultKind::Dead }).is_err());
+    assert!(bench.laboratory.set_fault(FaultRequest { number: 1, kind: FaultKind::DropFrames { fraction: 1.5 } }).is_err());
+}
+
+#[test]
+fn a_frozen_tracker_repeats_and_a_low_battery_sags() {
+    let description = reference();
+    let mut bench = Bench::new(&description, hidden(), 4);
+    bench.place(&[(1, -1.0, 0.0, 0.0)]);
+    let seen = loop {
+        if let Some(pose) = bench.laboratory.expose().first() {
+            break *pose;
+        }
+    };
+    let full_v = { bench.drive_for(0.2, |_| wheels([0.0; 4])); bench.telemetry[0].unwrap().bus_v };
+    fault(&mut bench, 1, FaultKind::TrackerFrozen);
+    fault(&mut bench, 1, FaultKind::LowBattery { charge: 0.02 });
+    bench.drive_for(1.0, |_| wheels(forward(&description.robots[0].description, 0.5)));
+    assert!(bench.laboratory.expose().iter().all(|pose| *pose == seen));
+    assert!(bench.telemetry[0].unwrap().bus_v < full_v - 2.0);
+}
+
+#[test]
+fn a_seed_repeats_exactly_and_runs_differ_from_one_another() {
+    let description = reference();
+    let run = |bench: &mut Bench| {
+        bench.place(&[(1, -1.0, 0.0, 0.0), (5, 0.5, 0.5, 0.3)]);
+        bench.drive_for(1.0, |index| wheels(forward(&description.robots[index].description, 0.6)));
+        bench.drive_for(0.3, |_| wheels([0.0; 4]));
+        (bench.pose(0), bench.pose(4))
+    };
+    let (mut one, mut same, mut other) = (Bench::new(&description, hidden(), 8), Bench::new(&description, hidden(), 8), Bench::new(&description, hidden(), 9));
+    let first = run(&mut one);
+    assert_eq!(first, run(&mut same));
+    assert_ne!(first, run(&mut other));
+    let again = run(&mut one);
+    let gap_m = (again.0.x_m - first.0.x_m).hypot(again.0.y_m - first.0.y_m);
+    println!("runs differ by {gap_m} m");
+    assert!(gap_m > 0.0 && gap_m < 0.1, "{gap_m}");
+}
+
+#[test]
+fn the_hand_refuses_what_cannot_stand() {
+    let mut bench = Bench::new(&reference(), hidden(), 1);
+    let mut ask = |line: &str| String::from_utf8(emulator::hand::answer(line.as_bytes(), &mut bench.laboratory)).unwrap();
+    assert_eq!(ask(r#"{"place":[{"number":1,"x_m":0,"y_m":0,"yaw_rad":0}]}"#), r#"{"ok":true}"#);
+    for (line, reason) in [
+        (r#"{"place":[{"number":9,"x_m":0,"y_m":0,"yaw_rad":0}]}"#, "no robot 9"),
+        (r#"{"place":[{"number":1,"x_m":1.8,"y_m":0,"yaw_rad":0}]}"#, "floor"),
+        (r#"{"place":[{"number":1,"x_m":0,"y_m":0,"yaw_rad":0},{"number":2,"x_m":0.4,"y_m":0,"yaw_rad":0}]}"#, "overlap"),
+        (r#"{"place":[{"number":1,"x_m":0,"y_m":0,"yaw_rad":0},{"number":1,"x_m":1,"y_m":0,"yaw_rad":0}]}"#, "twice"),
+        (r#"{"fault":{"number":1,"kind":"on_fire"}}"#, "not a request"),
+        ("{}", "neither"),
+        ("nonsense", "not a request"),
+    ] {
+        let reply = ask(line);
+        assert!(reply.contains(r#""ok":false"#) && reply.contains(reason), "{line}: {reply}");
+    }
+    assert_eq!(ask(r#"{"fault":{"number":1,"kind":"stuck_wheel","wheel":0}}"#), r#"{"ok":true}"#);
+    assert!(bench.laboratory.units()[0].on_floor().is_some(), "a refused request changes nothing");
+}
