@@ -1,1 +1,201 @@
+//! The twin and the control code in the browser: JSON text in, JSON text out, nothing of its own.
+//!
+//! The same functions run in the service; equal inputs give equal trace digests.
 
+use control::rehearsal::{Frame, Outcome, Rehearsal};
+use control::scenario::{FieldProblem, Scenario};
+use serde::Serialize;
+use wasm_bindgen::prelude::wasm_bindgen;
+
+/// Most ticks in one call of [`Simulation::advance`]; a worker must stay able to answer.
+pub const MAX_TICKS_PER_CALL: u32 = 12_000;
+
+/// Problems of a scenario as a JSON list; `[]` when it can be simulated.
+#[wasm_bindgen]
+pub fn check(scenario_json: &str) -> String {
+    text(&Scenario::from_json(scenario_json).err().unwrap_or_default())
+}
+
+/// Version of the twin; digests are comparable between equal versions.
+#[wasm_bindgen]
+pub fn twin_version() -> String {
+    twin::VERSION.to_owned()
+}
+
+/// Digests of all gallery scenarios as a JSON object `{name: digest}`, for the comparison with the native twin.
+#[wasm_bindgen]
+pub fn gallery_digests() -> String {
+    let digest = |(name, _): (String, String)| {
+        let digest = control::gallery::digest_of(&name);
+        (name, serde_json::Value::String(digest))
+    };
+    let digests: serde_json::Map<_, _> = control::gallery::digest_scenarios().into_iter().map(digest).collect();
+    serde_json::Value::Object(digests).to_string()
+}
+
+/// The control laws and their parameters (key, unit, range, default, meaning) as a JSON list.
+#[wasm_bindgen]
+pub fn laws() -> String {
+    text(control::law::LAWS)
+}
+
+/// A rehearsal that advances in pieces.
+#[wasm_bindgen]
+pub struct Simulation {
+    state: State,
+}
+
+enum State {
+    Running(Box<Rehearsal>),
+    Finished { outcome: Box<Outcome>, ticks: (u64, u64) },
+    /// Only between two states.
+    Moving,
+}
+
+#[wasm_bindgen]
+impl Simulation {
+    /// Sets up a scenario; throws the list of problems as JSON text.
+    #[wasm_bindgen(constructor)]
+    pub fn new(scenario_json: &str) -> Result<Simulation, String> {
+        let problems = |problems: Vec<FieldProblem>| text(&problems);
+        let scenario = Scenario::from_json(scenario_json).map_err(problems)?;
+        let rehearsal = Rehearsal::new(&scenario).map_err(problems)?;
+        Ok(Simulation { state: State::Running(Box::new(rehearsal)) })
+    }
+
+    /// Simulates up to `ticks` control ticks; returns the frames of this piece (30 Hz) as a JSON list.
+    pub fn advance(&mut self, ticks: u32) -> String {
+        let mut frames: Vec<Frame> = Vec::new();
+        let mut ended = false;
+        if let State::Running(rehearsal) = &mut self.state {
+            for _ in 0..ticks.min(MAX_TICKS_PER_CALL) {
+                ended = !rehearsal.step();
+                let (tick, _) = rehearsal.progress();
+                if tick.is_multiple_of(control::rehearsal::FRAME_TICKS) || ended {
+                    frames.push(rehearsal.frame());
+                }
+                if ended {
+                    break;
+                }
+            }
+        }
+        if ended {
+            self.end();
+        }
+        text(&frames)
+    }
+
+    /// The rehearsal has ended and verdict and replay are complete.
+    pub fn finished(&self) -> bool {
+        matches!(self.state, State::Finished { .. })
+    }
+
+    /// Share of the longest possible duration that is simulated, 0 to 1; 1 when finished.
+    pub fn fraction(&self) -> f64 {
+        match &self.state {
+            State::Running(rehearsal) => {
+                let (tick, ticks) = rehearsal.progress();
+                tick as f64 / ticks.max(1) as f64
+            }
+            State::Finished { .. } | State::Moving => 1.0,
+        }
+    }
+
+    /// Control ticks simulated.
+    pub fn tick(&self) -> f64 {
+        match &self.state {
+            State::Running(rehearsal) => rehearsal.progress().0 as f64,
+            State::Finished { ticks, .. } => ticks.0 as f64,
+            State::Moving => 0.0,
+        }
+    }
+
+    /// Verdict as JSON (`robopheus.verdict/1`); `null` before the end.
+    pub fn verdict(&self) -> String {
+        self.outcome().map_or("null".to_owned(), |outcome| text(&outcome.verdict))
+    }
+
+    /// Replay as JSON (`robopheus.replay/1`); `null` before the end.
+    pub fn replay(&self) -> String {
+        self.outcome().map_or("null".to_owned(), |outcome| text(&outcome.replay))
+    }
+
+    /// Trace digest so far.
+    pub fn digest(&self) -> String {
+        match &self.state {
+            State::Running(rehearsal) => rehearsal.digest(),
+            State::Finished { outcome, .. } => outcome.verdict.digest.clone(),
+            State::Moving => String::new(),
+        }
+    }
+
+    fn outcome(&self) -> Option<&Outcome> {
+        match &self.state {
+            State::Finished { outcome, .. } => Some(outcome),
+            State::Running(_) | State::Moving => None,
+        }
+    }
+
+    fn end(&mut self) {
+        self.state = match std::mem::replace(&mut self.state, State::Moving) {
+            State::Running(rehearsal) => {
+                let ticks = rehearsal.progress();
+                State::Finished { outcome: Box::new(rehearsal.finish()), ticks }
+            }
+            other => other,
+        };
+    }
+}
+
+fn text<T: Serialize + ?Sized>(value: &T) -> String {
+    serde_json::to_string(value).unwrap_or_else(|_| "null".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn scenario() -> String {
+        let (_, text) = control::gallery::digest_scenarios().swap_remove(0);
+        let mut scenario: serde_json::Value = serde_json::from_str(&text).expect("scenario");
+        scenario["experiment"]["control"] = serde_json::json!({"law": "go_to_point", "parameters": {}});
+        scenario["experiment"]["targets"] = serde_json::json!([{"x_m": 0.5, "y_m": 0.2}]);
+        scenario["experiment"]["duration_s"] = serde_json::json!(10.0);
+        scenario.to_string()
+    }
+
+    #[test]
+    fn pieces_of_any_size_give_the_native_outcome() {
+        let native = control::rehearsal::rehearse_json(&scenario()).expect("rehearsal");
+        for piece in [1, 7, 120, u32::MAX] {
+            let mut simulation = Simulation::new(&scenario()).expect("simulation");
+            let mut frames = 0;
+            while !simulation.finished() {
+                assert_eq!(simulation.verdict(), "null");
+                let list: Vec<serde_json::Value> = serde_json::from_str(&simulation.advance(piece)).expect("frames");
+                frames += list.len() as u64;
+            }
+            assert_eq!(simulation.digest(), native.verdict.digest);
+            assert_eq!(simulation.verdict(), serde_json::to_string(&native.verdict).expect("verdict"));
+            assert_eq!(simulation.replay(), serde_json::to_string(&native.replay).expect("replay"));
+            assert!(frames >= native.verdict.ticks / 4 && frames <= native.verdict.ticks / 4 + 1, "{frames} frames");
+            assert_eq!((simulation.fraction(), simulation.advance(10).as_str()), (1.0, "[]"));
+        }
+    }
+
+    #[test]
+    fn problems_come_as_a_list() {
+        assert_eq!(check(&scenario()), "[]");
+        let problems: Vec<FieldProblem> = serde_json::from_str(&check("{}")).expect("list");
+        assert_eq!(problems.len(), 1);
+        let thrown = Simulation::new("{").err().expect("problems");
+        assert!(serde_json::from_str::<Vec<FieldProblem>>(&thrown).is_ok_and(|list| list.len() == 1));
+    }
+
+    #[test]
+    fn digests_are_those_of_the_native_gallery() {
+        let digests: std::collections::BTreeMap<String, String> = serde_json::from_str(&gallery_digests()).expect("object");
+        assert!(digests.len() >= 20);
+        assert_eq!(digests["head-on"], control::gallery::digest_of("head-on"));
+    }
+}

@@ -1,10 +1,12 @@
 //! Parameters of the laws: one table for validation, defaults, sliders and the user guide.
 
+use serde::Serialize;
+
 use super::{GO_TO_POINT, WAYPOINTS};
 use crate::scenario::Control;
 
 /// One parameter of a law.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ParameterSpec {
     /// Name in `control.parameters`; ends in its unit.
     pub key: &'static str,
@@ -18,7 +20,7 @@ pub struct ParameterSpec {
 }
 
 /// A law and its parameters.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct LawSpec {
     pub name: &'static str,
     pub title: &'static str,
