@@ -6,6 +6,8 @@ CREATE TABLE jobs (
     state        text NOT NULL DEFAULT 'ready'
         CONSTRAINT jobs_state_known CHECK (state IN ('ready', 'leased', 'done', 'failed', 'dropped')),
     attempt      integer NOT NULL DEFAULT 0,
+    -- Attempts that ended because their worker was asked to stop; they do not count against the job.
+    released     integer NOT NULL DEFAULT 0,
     worker       uuid,
     leased_until timestamptz,
     ready_at     timestamptz NOT NULL DEFAULT clock_timestamp(),

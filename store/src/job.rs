@@ -29,20 +29,20 @@ struct RehearsalRow {
 impl Store {
     /// Leases the oldest job of a kind that is ready.
     pub async fn job_claim(&self, kind: &str, worker: Uuid, lease: Duration) -> Result<Option<JobLease>> {
-        let row: Option<(Uuid, Uuid, i32)> = sqlx::query_as(
+        let row: Option<(Uuid, Uuid, i32, i32)> = sqlx::query_as(
             "WITH next AS (
                 SELECT id FROM jobs WHERE kind = $1 AND state = 'ready' AND ready_at <= clock_timestamp()
                 ORDER BY ready_at, created_at LIMIT 1 FOR UPDATE SKIP LOCKED)
              UPDATE jobs j SET state = 'leased', attempt = j.attempt + 1, worker = $2,
                 leased_until = clock_timestamp() + make_interval(secs => $3)
-             FROM next WHERE j.id = next.id RETURNING j.id, j.run_id, j.attempt",
+             FROM next WHERE j.id = next.id RETURNING j.id, j.run_id, j.attempt, j.attempt - j.released",
         )
         .bind(kind)
         .bind(worker)
         .bind(seconds("lease", lease)?)
         .fetch_optional(&self.pool)
         .await?;
-        Ok(row.map(|(id, run_id, attempt)| JobLease { id, kind: kind.to_owned(), run_id, attempt, worker }))
+        Ok(row.map(|(id, run_id, attempt, tries)| JobLease { id, kind: kind.to_owned(), run_id, attempt, tries, worker }))
     }
 
     /// Extends a worker's lease that still holds.
@@ -58,6 +58,20 @@ impl Store {
         .execute(&self.pool)
         .await?;
         Ok(if beat.rows_affected() == 1 { JobWrite::Ok } else { JobWrite::Stale })
+    }
+
+    /// Gives a job back in good order (the worker was asked to stop); another may take it at once.
+    pub async fn job_release(&self, job: &JobLease) -> Result<JobWrite> {
+        let released = sqlx::query(
+            "UPDATE jobs SET state = 'ready', released = released + 1, leased_until = NULL, ready_at = clock_timestamp()
+             WHERE id = $1 AND attempt = $2 AND worker = $3 AND state = 'leased' AND leased_until > clock_timestamp()",
+        )
+        .bind(job.id)
+        .bind(job.attempt)
+        .bind(job.worker)
+        .execute(&self.pool)
+        .await?;
+        Ok(if released.rows_affected() == 1 { JobWrite::Ok } else { JobWrite::Stale })
     }
 
     /// Ends a job that changes nothing but itself.

@@ -24,6 +24,11 @@ mod run_view;
 mod state;
 mod waiting;
 
+/// A private PostgreSQL and a database per test, also for the crates above.
+#[cfg(feature = "testing")]
+#[path = "../tests/support/mod.rs"]
+pub mod testing;
+
 pub use connect::{Store, StoreOptions};
 pub use error::{Result, StoreError};
 pub use outcome::*;

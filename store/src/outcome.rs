@@ -174,8 +174,10 @@ pub struct JobLease {
     /// For example `rehearse`.
     pub kind: String,
     pub run_id: Uuid,
-    /// 1 for the first try; fences every write of the worker.
+    /// Fences every write of the worker; grows with every claim.
     pub attempt: i32,
+    /// 1 for the first try; attempts that a worker gave back in good order do not count.
+    pub tries: i32,
     pub worker: Uuid,
 }
 

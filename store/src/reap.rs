@@ -66,8 +66,8 @@ impl Store {
         let Some(run) = lock_run(&mut transaction, run_id).await? else { return Ok(None) };
         let failed: Option<bool> = sqlx::query_scalar(
             "UPDATE jobs SET leased_until = NULL, error = 'the worker was lost', ready_at = clock_timestamp(),
-                state = CASE WHEN attempt >= $3 THEN 'failed' ELSE 'ready' END,
-                ended_at = CASE WHEN attempt >= $3 THEN clock_timestamp() END
+                state = CASE WHEN attempt - released >= $3 THEN 'failed' ELSE 'ready' END,
+                ended_at = CASE WHEN attempt - released >= $3 THEN clock_timestamp() END
              WHERE id = $1 AND attempt = $2 AND state = 'leased' AND leased_until <= clock_timestamp()
              RETURNING state = 'failed'",
         )
