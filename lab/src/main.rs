@@ -1,1 +1,54 @@
-fn main() {}
+//! Program `robopheus-lab`.
+
+use anyhow::{Context, Result};
+use clap::Parser;
+use lab::config::Config;
+use lab::lab::Lab;
+use lab::{claim, idle, stop_port, stream};
+use std::time::Duration;
+use tokio::signal::unix::{SignalKind, signal};
+use tracing_subscriber::EnvFilter;
+
+/// After a wish to end, the process ends within this time whatever is left to do.
+const EXIT_LIMIT: Duration = Duration::from_secs(12);
+
+fn main() -> Result<()> {
+    // First: reqwest is built without a TLS provider of its own and panics without this one.
+    if rustls::crypto::ring::default_provider().install_default().is_err() {
+        anyhow::bail!("another TLS provider is installed");
+    }
+    let config = Config::parse();
+    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
+    let lab = Lab::open(&config)?;
+    let address = stop_port::start(config.stop_listen, &config.data, lab.latch.clone(), lab.clone())
+        .with_context(|| format!("open the stop port {}", config.stop_listen))?;
+    idle::start(lab.link.clone(), lab.latch.clone(), lab.book.clone()).context("start the idle robots' thread")?;
+    tracing::info!(lab = lab.description.name, stop = %address, stopped = lab.latch.is_pressed(), "laboratory ready");
+    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
+    let result = runtime.block_on(live(lab));
+    runtime.shutdown_timeout(Duration::from_secs(1));
+    result
+}
+
+async fn live(lab: std::sync::Arc<Lab>) -> Result<()> {
+    let mut terminate = signal(SignalKind::terminate())?;
+    let mut interrupt = signal(SignalKind::interrupt())?;
+    tokio::spawn(claim::keep_status(lab.clone()));
+    tokio::spawn(stream::keep(lab.service.clone(), lab.watchers.subscribe()));
+    let mut claiming = tokio::spawn(claim::keep_claiming(lab.clone()));
+    tokio::select! {
+        _ = terminate.recv() => {}
+        _ = interrupt.recv() => {}
+        ended = &mut claiming => return ended.context("the claim loop failed"),
+    }
+    tracing::info!("ending");
+    lab.shutdown.request();
+    match tokio::time::timeout(EXIT_LIMIT, claiming).await {
+        Ok(ended) => ended.context("the claim loop failed"),
+        Err(_) => {
+            tracing::warn!("ending with work left; it is salvaged at the next start");
+            Ok(())
+        }
+    }
+}

@@ -1,0 +1,177 @@
+//! `run.mcap`: the run for Foxglove and friends. Poses, frame transforms and log use Foxglove's well-known JSON
+//! schemas, commands, telemetry and safety interventions their own. Log times are wall-clock times.
+
+use crate::record::{Log, LogLevel, Pose, Record};
+use api::lab::Assignment;
+use mcap::records::MessageHeader;
+use mcap::{McapError, WriteOptions, Writer};
+use serde::Serialize;
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::Path;
+
+/// Names the world frame in poses and transforms.
+const WORLD_FRAME: &str = "world";
+/// Small enough that a reader can seek; readers need not hold more.
+const CHUNK_BYTES: u64 = 512 << 10;
+
+/// Channels of one robot.
+#[derive(Debug)]
+struct RobotChannels {
+    name: String,
+    pose: Channel,
+    command: Channel,
+    telemetry: Channel,
+}
+
+#[derive(Debug)]
+struct Channel {
+    id: u16,
+    sequence: u32,
+}
+
+/// Wall clock in nanoseconds from the monotonic clock of the records.
+#[derive(Debug, Clone, Copy)]
+pub struct WallClock {
+    wall_ns: i64,
+    at_us: i64,
+}
+
+impl WallClock {
+    /// `wall_ns` since 1970 is the same moment as `at_us`.
+    pub const fn new(wall_ns: i64, at_us: i64) -> Self {
+        Self { wall_ns, at_us }
+    }
+
+    /// Nanoseconds since 1970.
+    pub fn ns(self, at_us: i64) -> u64 {
+        u64::try_from(self.wall_ns + (at_us - self.at_us) * 1000).unwrap_or(0)
+    }
+}
+
+/// Writes `run.mcap` while a journal is read.
+pub struct McapFile {
+    writer: Writer<BufWriter<File>>,
+    clock: WallClock,
+    robots: BTreeMap<u8, RobotChannels>,
+    transforms: Channel,
+    safety: Channel,
+    log: Channel,
+}
+
+impl McapFile {
+    /// Registers schemas and channels.
+    pub fn create(path: &Path, assignment: &Assignment, clock: WallClock) -> Result<Self, McapError> {
+        let options = WriteOptions::new().chunk_size(Some(CHUNK_BYTES)).library(concat!("robopheus-lab ", env!("CARGO_PKG_VERSION")));
+        let mut writer = options.create(BufWriter::new(File::create(path)?))?;
+        let mut schema = |name: &str, text: &str| writer.add_schema(name, "jsonschema", text.as_bytes());
+        let pose = schema("foxglove.PoseInFrame", include_str!("schemas/pose_in_frame.json"))?;
+        let transform = schema("foxglove.FrameTransform", include_str!("schemas/frame_transform.json"))?;
+        let log = schema("foxglove.Log", include_str!("schemas/log.json"))?;
+        let command = schema("robopheus.Command", include_str!("schemas/command.json"))?;
+        let telemetry = schema("robopheus.Telemetry", include_str!("schemas/telemetry.json"))?;
+        let intervention = schema("robopheus.Intervention", include_str!("schemas/intervention.json"))?;
+        let mut channel = |schema, topic: &str| {
+            writer.add_channel(schema, topic, "json", &BTreeMap::new()).map(|id| Channel { id, sequence: 0 })
+        };
+        let mut robots = BTreeMap::new();
+        for robot in &assignment.robots {
+            let name = robot.description.name.clone();
+            let channels = RobotChannels {
+                pose: channel(pose, &format!("/robots/{name}/pose"))?,
+                command: channel(command, &format!("/robots/{name}/command"))?,
+                telemetry: channel(telemetry, &format!("/robots/{name}/telemetry"))?,
+                name,
+            };
+            robots.insert(robot.number, channels);
+        }
+        let transforms = channel(transform, "/tf")?;
+        let safety = channel(intervention, "/safety")?;
+        let log = channel(log, "/log")?;
+        Ok(Self { writer, clock, robots, transforms, safety, log })
+    }
+
+    /// Writes the messages of a record.
+    pub fn take(&mut self, record: &Record) -> Result<(), McapError> {
+        let Self { writer, clock, robots, transforms, safety, log } = self;
+        match record {
+            Record::Pose(pose) if pose.accepted => {
+                let Some(robot) = robots.get_mut(&pose.robot) else { return Ok(()) };
+                let (exposure_ns, arrival_ns) = (clock.ns(pose.exposure_us), clock.ns(pose.arrival_us));
+                write(writer, &mut robot.pose, [arrival_ns, exposure_ns], &pose_in_frame(pose, exposure_ns))?;
+                write(writer, transforms, [arrival_ns, exposure_ns], &frame_transform(pose, exposure_ns, &robot.name))
+            }
+            Record::Command(command) => {
+                let Some(robot) = robots.get_mut(&command.robot) else { return Ok(()) };
+                write(writer, &mut robot.command, [clock.ns(command.sent_us); 2], command)
+            }
+            Record::Telemetry(telemetry) => {
+                let Some(robot) = robots.get_mut(&telemetry.robot) else { return Ok(()) };
+                let times = [clock.ns(telemetry.arrival_us), clock.ns(telemetry.sample_us)];
+                write(writer, &mut robot.telemetry, times, telemetry)
+            }
+            Record::Intervention(intervention) => {
+                write(writer, safety, [clock.ns(intervention.at_us); 2], intervention)
+            }
+            Record::Log(line) => write(writer, log, [clock.ns(line.at_us); 2], &foxglove_log(line, clock.ns(line.at_us))),
+            _ => Ok(()),
+        }
+    }
+
+    /// Writes summary and footer.
+    pub fn finish(mut self) -> Result<(), McapError> {
+        self.writer.finish().map(|_| ())
+    }
+}
+
+/// - `times_ns`: when the laboratory had it, and when it was measured.
+fn write(
+    writer: &mut Writer<BufWriter<File>>,
+    channel: &mut Channel,
+    times_ns: [u64; 2],
+    message: &impl Serialize,
+) -> Result<(), McapError> {
+    channel.sequence += 1;
+    let [log_time, publish_time] = times_ns;
+    let header = MessageHeader { channel_id: channel.id, sequence: channel.sequence, log_time, publish_time };
+    let bytes = serde_json::to_vec(message).map_err(|error| McapError::Io(error.into()))?;
+    writer.write_to_known_channel(&header, &bytes)
+}
+
+fn timestamp(ns: u64) -> Value {
+    json!({"sec": ns / 1_000_000_000, "nsec": ns % 1_000_000_000})
+}
+
+fn quaternion(yaw_rad: f64) -> Value {
+    let (sin, cos) = (0.5 * yaw_rad).sin_cos();
+    json!({"x": 0.0, "y": 0.0, "z": sin, "w": cos})
+}
+
+fn pose_in_frame(pose: &Pose, ns: u64) -> Value {
+    json!({
+        "timestamp": timestamp(ns),
+        "frame_id": WORLD_FRAME,
+        "pose": {"position": {"x": pose.x_m, "y": pose.y_m, "z": 0.0}, "orientation": quaternion(pose.yaw_rad)},
+    })
+}
+
+fn frame_transform(pose: &Pose, ns: u64, child: &str) -> Value {
+    json!({
+        "timestamp": timestamp(ns),
+        "parent_frame_id": WORLD_FRAME,
+        "child_frame_id": child,
+        "translation": {"x": pose.x_m, "y": pose.y_m, "z": 0.0},
+        "rotation": quaternion(pose.yaw_rad),
+    })
+}
+
+fn foxglove_log(line: &Log, ns: u64) -> Value {
+    let level = match line.level {
+        LogLevel::Info => 2,
+        LogLevel::Warning => 3,
+        LogLevel::Error => 4,
+    };
+    json!({"timestamp": timestamp(ns), "level": level, "message": line.message, "name": "lab", "file": "", "line": 0})
+}

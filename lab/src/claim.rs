@@ -1,0 +1,94 @@
+//! The laboratory's main loop: register, close what was left behind, take the next run.
+
+use crate::backoff::Backoff;
+use crate::lab::Lab;
+use crate::run;
+use crate::salvage;
+use crate::service::ServiceError;
+use api::lab::{Assignment, ClaimRequest};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+use tokio::time::Instant;
+
+/// How long the service may hold a claim.
+const WAIT_S: f64 = 20.0;
+/// An empty answer that came sooner than this was not a long poll: the service is ending.
+const SHORT_POLL: Duration = Duration::from_secs(1);
+/// Between two status reports.
+const STATUS_PERIOD: Duration = Duration::from_secs(1);
+
+/// Takes and carries out runs until the process is to end.
+pub async fn keep_claiming(lab: Arc<Lab>) {
+    let mut backoff = Backoff::default();
+    let mut latch = lab.latch.subscribe();
+    while !lab.shutdown.is_requested() {
+        let pressed = lab.latch.is_pressed();
+        let next = tokio::select! {
+            biased;
+            () = lab.shutdown.requested() => return,
+            // While stopped nothing is claimed; a press during a claim abandons it, and its lease runs out unused.
+            _ = latch.wait_for(|now_pressed| *now_pressed != pressed) => continue,
+            next = next_run(&lab), if !pressed => next,
+        };
+        match next {
+            Ok(assignment) => {
+                backoff.reset();
+                if let Some(assignment) = assignment {
+                    run::run(&lab, assignment).await;
+                }
+            }
+            Err(error) => {
+                lab.registered.store(false, Ordering::Relaxed);
+                let wait = backoff.next_wait();
+                tracing::warn!(%error, cause = ?std::error::Error::source(&error).map(ToString::to_string), ?wait, "no claim");
+                tokio::select! {
+                    () = lab.shutdown.requested() => return,
+                    () = tokio::time::sleep(wait) => {}
+                }
+            }
+        }
+    }
+}
+
+async fn next_run(lab: &Lab) -> Result<Option<Assignment>, ServiceError> {
+    if !lab.registered.load(Ordering::Relaxed) {
+        lab.service.register(&lab.description).await?;
+        lab.registered.store(true, Ordering::Relaxed);
+        tracing::info!(lab = lab.description.name, "registered");
+    }
+    salvage::sweep(lab).await?;
+    let request = ClaimRequest {
+        lab: lab.description.name.clone(),
+        arena: lab.description.arena.name.clone(),
+        instance: lab.instance,
+        wait_s: WAIT_S,
+    };
+    let asked = Instant::now();
+    let assignment = lab.service.claim(&request).await?;
+    if assignment.is_none() && asked.elapsed() < SHORT_POLL {
+        tokio::time::sleep(SHORT_POLL).await;
+    }
+    Ok(assignment)
+}
+
+/// Reports robots' health every second until the process ends.
+pub async fn keep_status(lab: Arc<Lab>) {
+    let mut ticks = tokio::time::interval(STATUS_PERIOD);
+    ticks.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
+    loop {
+        ticks.tick().await;
+        match lab.service.status(&lab.status()).await {
+            Ok(()) => {}
+            Err(ServiceError::Refused { status, .. }) if status == reqwest::StatusCode::NOT_FOUND => {
+                // The service lost this laboratory, for example with a new database.
+                if lab.registered.swap(false, Ordering::Relaxed)
+                    && let Err(error) = lab.service.register(&lab.description).await
+                {
+                    tracing::warn!(%error, "registering again");
+                }
+            }
+            Err(error) => tracing::debug!(%error, "status"),
+        }
+    }
+}

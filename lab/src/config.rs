@@ -1,0 +1,41 @@
+//! Settings of the process: flags, each of which may stand in the environment.
+
+use clap::Parser;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+
+/// Control server of a robot laboratory: takes runs from the service and drives them at 120 Hz.
+#[derive(Debug, Clone, Parser)]
+#[command(name = "robopheus-lab", version)]
+pub struct Config {
+    /// Address of the service.
+    #[arg(long, env = "ROBOPHEUS_SERVER", default_value = "http://127.0.0.1:8080")]
+    pub server: String,
+    /// File with the bearer token of the role `lab`.
+    #[arg(long, env = "ROBOPHEUS_LAB_TOKEN_FILE")]
+    pub token_file: PathBuf,
+    /// Description of the laboratory, `robopheus.lab/1`.
+    #[arg(long, env = "ROBOPHEUS_LAB")]
+    pub lab: PathBuf,
+    /// Keys of the robot link by robot number.
+    #[arg(long, env = "ROBOPHEUS_LINK_KEYS")]
+    pub keys: PathBuf,
+    /// Folder for everything that must survive a restart.
+    #[arg(long, env = "ROBOPHEUS_DATA")]
+    pub data: PathBuf,
+    /// Robot `n` listens on this UDP port + n.
+    #[arg(long, env = "ROBOPHEUS_ROBOT_UDP_BASE", default_value_t = 9000)]
+    pub robot_udp_base: u16,
+    /// Host of the robots.
+    #[arg(long, env = "ROBOPHEUS_ROBOT_HOST", default_value = "127.0.0.1")]
+    pub robot_host: String,
+    /// Socket of the tracker.
+    #[arg(long, env = "ROBOPHEUS_TRACKER")]
+    pub tracker: PathBuf,
+    /// Socket of the hand that puts robots on the floor.
+    #[arg(long, env = "ROBOPHEUS_HAND")]
+    pub hand: PathBuf,
+    /// Address of the stop port; port 0 takes any, the real one stands in `<data>/lab-stop.addr`.
+    #[arg(long, env = "ROBOPHEUS_STOP_LISTEN", default_value = "127.0.0.1:8081")]
+    pub stop_listen: SocketAddr,
+}

@@ -1,0 +1,53 @@
+//! The hand that puts robots on the floor: in the emulated laboratory a socket, in a real one a person with a tablet.
+
+use serde::{Deserialize, Serialize};
+use std::io;
+use std::path::Path;
+use std::time::Duration;
+use tokio::io::{AsyncBufReadExt, AsyncReadExt, AsyncWriteExt, BufReader};
+use tokio::net::UnixStream;
+
+/// Placing takes no longer.
+const TIME_LIMIT: Duration = Duration::from_secs(5);
+/// A reply is one short line.
+const REPLY_LIMIT_BYTES: u64 = 64 << 10;
+
+/// Where a robot is to stand.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Placement {
+    pub number: u8,
+    pub x_m: f64,
+    pub y_m: f64,
+    pub yaw_rad: f64,
+}
+
+#[derive(Debug, Serialize)]
+struct Request<'a> {
+    place: &'a [Placement],
+}
+
+#[derive(Debug, Deserialize)]
+struct Reply {
+    ok: bool,
+    #[serde(default)]
+    error: Option<String>,
+}
+
+/// Puts these robots on the floor and takes all others off it.
+pub async fn place(socket: &Path, robots: &[Placement]) -> io::Result<()> {
+    match tokio::time::timeout(TIME_LIMIT, ask(socket, robots)).await {
+        Ok(result) => result,
+        Err(_) => Err(io::Error::new(io::ErrorKind::TimedOut, format!("no reply within {} s", TIME_LIMIT.as_secs()))),
+    }
+}
+
+async fn ask(socket: &Path, robots: &[Placement]) -> io::Result<()> {
+    let mut stream = UnixStream::connect(socket).await?;
+    let mut line = serde_json::to_vec(&Request { place: robots })?;
+    line.push(b'\n');
+    stream.write_all(&line).await?;
+    let mut reply = String::new();
+    BufReader::new(stream.take(REPLY_LIMIT_BYTES)).read_line(&mut reply).await?;
+    let reply: Reply = serde_json::from_str(&reply)?;
+    if reply.ok { Ok(()) } else { Err(io::Error::other(reply.error.unwrap_or_else(|| "refused".to_owned()))) }
+}

@@ -1,0 +1,277 @@
+//! One run from its claim to its end.
+
+use crate::clock::monotonic_us;
+use crate::deliver;
+use crate::estimator::{MotionLimits, PoseSample, PoseTrack};
+use crate::lab::{Activity, Lab};
+use crate::lease::{Heart, Lease};
+use crate::link::HeldPort;
+use crate::live::LivePicture;
+use crate::loop_120hz::{self, LoopResult, LoopRobot, Setup};
+use crate::prepare::{self, Keeper};
+use crate::record::{End, LogLevel, Record, Start};
+use crate::recorder::{Recorder, RecorderHandle};
+use crate::safety::{Ending, Signals};
+use crate::schedule::TICK_HZ;
+use crate::sleep_probe::SleepProbe;
+use api::lab::{Assignment, Heartbeat, StateReport};
+use api::run::{Fault, RunState, Whose};
+use chrono::Utc;
+use control::scenario::Scenario;
+use control::team::Team;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, PoisonError};
+use tokio::task::spawn_blocking;
+
+/// How a run ended.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Conclusion {
+    pub state: RunState,
+    pub fault: Option<Fault>,
+}
+
+impl Conclusion {
+    /// An end that the laboratory reports as `failed`.
+    pub fn failed(whose: Whose, code: &str, message: String) -> Self {
+        Self { state: RunState::Failed, fault: Some(Fault { whose, code: code.to_owned(), message }) }
+    }
+
+    /// The end that the safety rules decided on.
+    pub fn of(ending: Ending, robots: &[String]) -> Self {
+        let (state, fault) = ending.report(robots);
+        Self { state, fault }
+    }
+}
+
+/// An end from outside while robots stand still: stop, shutdown, lease, cancel.
+pub fn outside_ending(lab: &Lab, lease: &Lease) -> Option<Conclusion> {
+    let ending = if lab.latch.is_pressed() {
+        Ending::ProtectiveStop
+    } else if lab.shutdown.is_requested() {
+        Ending::LabStopped
+    } else if lease.is_stale() {
+        Ending::StaleEpoch
+    } else if monotonic_us() >= lease.until_us() {
+        Ending::LeaseLost
+    } else if lease.is_cancelled() {
+        Ending::Cancelled
+    } else {
+        return None;
+    };
+    Some(Conclusion::of(ending, &[]))
+}
+
+/// Folder of an attempt.
+pub fn folder_of(lab: &Lab, assignment: &Assignment) -> PathBuf {
+    lab.folder.join(format!("{}-{}", assignment.run_id, assignment.epoch))
+}
+
+/// Carries a run out and hands its files in. What cannot be handed in now is salvaged later.
+pub async fn run(lab: &Arc<Lab>, assignment: Assignment) {
+    let (run_id, epoch) = (assignment.run_id, assignment.epoch);
+    tracing::info!(run.id = %run_id, epoch, "run begins");
+    lab.set_activity(Some(Activity { run_id, phase: "preparing" }));
+    let lease = Arc::new(Lease::claimed(assignment.lease_s));
+    let beat = Heartbeat { epoch, instance: lab.instance };
+    let _heart = Heart::start(lab.service.clone(), run_id, beat, lease.clone());
+    let folder = folder_of(lab, &assignment);
+    match start_recorder(lab, &assignment, &folder) {
+        Ok(recorder) => {
+            let conclusion = attempt(lab, &assignment, &lease, &recorder.handle()).await;
+            tracing::info!(run.id = %run_id, state = conclusion.state.as_str(), fault = ?conclusion.fault, "run ended");
+            let end = End { at_us: monotonic_us(), state: conclusion.state, fault: conclusion.fault.clone(), records_dropped: 0 };
+            if let Ok(Err(error)) = spawn_blocking(move || recorder.finish(end)).await {
+                tracing::error!(run.id = %run_id, %error, "the record is incomplete");
+            }
+            lab.set_activity(Some(Activity { run_id, phase: "uploading" }));
+            deliver::deliver(lab, &deliver::Attempt { run_id, epoch, folder }, &conclusion, &lease).await;
+        }
+        Err(error) => {
+            let message = format!("The laboratory cannot write its record: {error}.");
+            let conclusion = Conclusion::failed(Whose::Platform, "recorder_failed", message);
+            deliver::report_end(lab, run_id, epoch, &conclusion, None, &lease).await;
+        }
+    }
+    lab.set_activity(None);
+}
+
+fn start_recorder(lab: &Lab, assignment: &Assignment, folder: &Path) -> std::io::Result<Recorder> {
+    std::fs::create_dir(folder)?;
+    crate::durable::sync_parent(folder)?;
+    let robots: Vec<_> = assignment.robots.iter().map(|robot| (robot.number, robot.description.name.clone())).collect();
+    let start = Start { assignment: assignment.clone(), wall: Utc::now(), at_us: monotonic_us() };
+    let live = LivePicture::new(assignment.run_id, assignment.epoch, &robots);
+    Recorder::start(folder, Record::Start(Box::new(start)), live, lab.watchers.clone())
+}
+
+/// Everything that can move robots; returns when they are at rest.
+async fn attempt(lab: &Arc<Lab>, assignment: &Assignment, lease: &Arc<Lease>, recorder: &RecorderHandle) -> Conclusion {
+    match try_attempt(lab, assignment, lease, recorder).await {
+        Ok(conclusion) | Err(conclusion) => conclusion,
+    }
+}
+
+async fn try_attempt(
+    lab: &Arc<Lab>,
+    assignment: &Assignment,
+    lease: &Arc<Lease>,
+    recorder: &RecorderHandle,
+) -> Result<Conclusion, Conclusion> {
+    let (team, limits) = team(assignment)?;
+    let ports = take_ports(lab, assignment)?;
+    let keeper = Keeper::start(lab.clone(), ports).map_err(|error| {
+        Conclusion::failed(Whose::Platform, "thread_refused", format!("A thread cannot be started: {error}."))
+    })?;
+    let prepared = prepare::prepare(lab, assignment, lease, recorder).await;
+    let running = match prepared {
+        Ok(()) => report_running(lab, assignment, lease).await,
+        Err(conclusion) => Err(conclusion),
+    };
+    // The keeper holds the robots still up to here; the loop takes over within milliseconds.
+    let poses = lab.tracker.listen();
+    let telemetry = lab.link.listen();
+    let ports = keeper.stop();
+    running?;
+    lab.set_activity(Some(Activity { run_id: assignment.run_id, phase: "running" }));
+    let setup = Setup {
+        team,
+        robots: loop_robots(lab, ports, &limits)?,
+        poses,
+        telemetry,
+        recorder: recorder.clone(),
+        signals: signals(lab, lease, recorder),
+        duration_ticks: (assignment.experiment.duration_s * TICK_HZ as f64).round() as i64,
+    };
+    recorder.log(LogLevel::Info, format!("motion begins: {}", assignment.experiment.control.law));
+    let probe = SleepProbe::start(recorder.clone());
+    if let Err(error) = &probe {
+        recorder.log(LogLevel::Warning, format!("the sleep probe does not run: {error}"));
+    }
+    let names: Vec<_> = assignment.experiment.robots.iter().map(|robot| robot.name.clone()).collect();
+    let result = run_loop(setup).await?;
+    drop(probe);
+    let LoopResult { ending, ticks, missed } = result;
+    recorder.log(LogLevel::Info, format!("robots at rest after {ticks} ticks, {missed} missed"));
+    Ok(Conclusion::of(ending, &names))
+}
+
+/// Control and motion limits of each robot.
+fn team(assignment: &Assignment) -> Result<(Team, Vec<RobotLimits>), Conclusion> {
+    let refused = |message: String| Conclusion::failed(Whose::Platform, "experiment_refused", message);
+    let scenario = serde_json::json!({
+        "experiment": assignment.experiment,
+        "robots": assignment.robots,
+        "arena": assignment.arena,
+    });
+    let first = |problems: Vec<control::scenario::FieldProblem>| {
+        let problem = problems.into_iter().next().map(|problem| format!("{}: {}", problem.field, problem.message));
+        refused(format!("The laboratory cannot run this experiment: {}.", problem.unwrap_or_default()))
+    };
+    let scenario = Scenario::from_json(&scenario.to_string()).map_err(first)?;
+    let robots = control::team::robots(&scenario).map_err(first)?;
+    let limits = robots.iter().map(RobotLimits::of).collect();
+    Ok((Team::new(&scenario).map_err(first)?, limits))
+}
+
+/// What a robot's wheels allow.
+#[derive(Debug, Clone, Copy)]
+struct RobotLimits {
+    motion: MotionLimits,
+    wheel_radius_m: f64,
+}
+
+/// Fastest that any robot here is thought to be when its description sets no limit.
+const UNLIMITED_M_PER_S: f64 = 3.0;
+
+impl RobotLimits {
+    fn of(robot: &twin::robot::Robot) -> Self {
+        let wheels = &robot.description().wheels;
+        let wheel_radius_m = wheels.iter().filter(|wheel| wheel.driven).filter_map(|wheel| wheel.radius_m).fold(0.0, f64::max);
+        // Two omni wheels at right angles move the body by sqrt 2 of their rim speed.
+        let rim_m_per_s = robot.max_wheel_speed_rad_per_s() * wheel_radius_m * std::f64::consts::SQRT_2;
+        let speed_m_per_s = rim_m_per_s.min(UNLIMITED_M_PER_S);
+        let lever_m = wheels.iter().map(|wheel| f64::hypot(wheel.x_m, wheel.y_m)).fold(f64::INFINITY, f64::min).max(0.05);
+        let yaw_rate_rad_per_s = speed_m_per_s / lever_m;
+        Self { motion: MotionLimits { speed_m_per_s, yaw_rate_rad_per_s }, wheel_radius_m }
+    }
+}
+
+/// The right to send to all robots of the run, under its epoch.
+fn take_ports(lab: &Lab, assignment: &Assignment) -> Result<Vec<HeldPort>, Conclusion> {
+    let failed = |code: &str, message: String| Conclusion::failed(Whose::Platform, code, message);
+    let numbers: Vec<u8> = assignment.robots.iter().map(|robot| robot.number).collect();
+    let mut ports = Vec::new();
+    for robot in &assignment.robots {
+        let name = &robot.description.name;
+        let link = lab.link.robot(robot.number).filter(|link| link.name == *name);
+        let link = link.ok_or_else(|| failed("robot_unknown", format!("This laboratory has no robot {name}.")))?;
+        ports.push(link.take_port().ok_or_else(|| failed("robot_busy", format!("Robot {name} is in another run.")))?);
+    }
+    let mut book = lab.book.lock().unwrap_or_else(PoisonError::into_inner);
+    let epoch = book.begin(&numbers, assignment.epoch).map_err(|error| failed("epoch_refused", format!("{error}.")))?;
+    for port in &mut ports {
+        port.begin_epoch(epoch);
+    }
+    Ok(ports)
+}
+
+/// The service must know that motion begins before it does.
+async fn report_running(lab: &Lab, assignment: &Assignment, lease: &Lease) -> Result<(), Conclusion> {
+    let report = StateReport {
+        epoch: assignment.epoch,
+        instance: lab.instance,
+        state: RunState::Running,
+        fault: None,
+        ticks_recorded: None,
+        ticks_missed: None,
+    };
+    match deliver::report(lab, assignment.run_id, &report, || outside_ending(lab, lease).is_some()).await {
+        Ok(()) => Ok(()),
+        Err(error) => Err(outside_ending(lab, lease).unwrap_or_else(|| {
+            if error.is_stale_epoch() {
+                return Conclusion::of(Ending::StaleEpoch, &[]);
+            }
+            Conclusion::failed(Whose::Platform, "start_refused", format!("The service did not let the run begin: {error}."))
+        })),
+    }
+}
+
+fn loop_robots(lab: &Lab, ports: Vec<HeldPort>, limits: &[RobotLimits]) -> Result<Vec<LoopRobot>, Conclusion> {
+    let gone = || Conclusion::failed(Whose::Platform, "robot_not_seen", "A robot vanished before the start.".to_owned());
+    if ports.len() != limits.len() {
+        return Err(gone());
+    }
+    let made = ports.into_iter().zip(limits).map(|(port, limits)| {
+        let (pose, age_us) = lab.tracker.pose(port.robot().number)?;
+        let telemetry = port.robot().newest()?;
+        let mut track = PoseTrack::new(limits.motion);
+        track.observe(PoseSample { exposure_us: monotonic_us() - age_us, x_m: pose.x_m, y_m: pose.y_m, yaw_rad: pose.yaw_rad });
+        Some(LoopRobot { port, track, telemetry, wheel_radius_m: limits.wheel_radius_m, logged: [false; 2] })
+    });
+    made.collect::<Option<_>>().ok_or_else(gone)
+}
+
+fn signals(lab: &Arc<Lab>, lease: &Arc<Lease>, recorder: &RecorderHandle) -> Box<dyn Fn() -> Signals + Send> {
+    let (lab, lease, recorder) = (lab.clone(), lease.clone(), recorder.clone());
+    Box::new(move || Signals {
+        protective_stop: lab.latch.is_pressed(),
+        shutdown: lab.shutdown.is_requested(),
+        stale_epoch: lease.is_stale(),
+        cancel: lease.is_cancelled(),
+        lease_until_us: lease.until_us(),
+        recorder_failed: recorder.failed(),
+    })
+}
+
+async fn run_loop(setup: Setup) -> Result<LoopResult, Conclusion> {
+    let failed = |message: String| Conclusion::failed(Whose::Platform, "loop_failed", message);
+    let (done, result) = tokio::sync::oneshot::channel();
+    std::thread::Builder::new()
+        .name("loop-120hz".to_owned())
+        .spawn(move || {
+            // Nobody waits any more only when the process ends.
+            let _waiting = done.send(loop_120hz::run(setup));
+        })
+        .map_err(|error| failed(format!("The control loop cannot be started: {error}.")))?;
+    result.await.map_err(|_| failed("The control loop failed; the robots stopped by themselves.".to_owned()))
+}

@@ -1,0 +1,126 @@
+//! What earlier processes left behind: runs that a crash cut off and files that could not be handed in.
+
+use crate::deliver::{self, Attempt, DELIVERED_MARK};
+use crate::journal::{self, JournalReader};
+use crate::lab::Lab;
+use crate::record::{End, Record};
+use crate::service::ServiceError;
+use anyhow::Result;
+use api::run::{Fault, RunState, Whose};
+use std::fs;
+use std::path::{Path, PathBuf};
+use tokio::task::spawn_blocking;
+
+/// Folders of runs that were handed in and are kept for a look.
+const KEPT_FOLDERS: usize = 20;
+
+/// What a journal says about its run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Leftover {
+    pub attempt_run: uuid::Uuid,
+    pub epoch: i64,
+    /// The control loop had begun.
+    pub moved: bool,
+    pub end: Option<End>,
+}
+
+/// Reads what is needed to close a run; `None` when not even its start is readable.
+pub fn inspect(folder: &Path) -> Option<Leftover> {
+    let mut journal = JournalReader::open(folder).ok()?;
+    let Some(Record::Start(start)) = journal.next() else { return None };
+    let mut leftover =
+        Leftover { attempt_run: start.assignment.run_id, epoch: start.assignment.epoch, moved: false, end: None };
+    for record in journal {
+        match record {
+            Record::Motion(_) => leftover.moved = true,
+            Record::End(end) => leftover.end = Some(*end),
+            _ => {}
+        }
+    }
+    Some(leftover)
+}
+
+impl Leftover {
+    /// Why the run could not end in order.
+    pub fn fault(&self) -> Fault {
+        let platform = |code: &str, message: &str| Fault { whose: Whose::Platform, code: code.to_owned(), message: message.to_owned() };
+        match &self.end {
+            Some(End { fault: Some(fault), .. }) => fault.clone(),
+            Some(_) => platform("upload_interrupted", "The run ended, but its files could not be handed in in time."),
+            None => platform("lab_restarted", "The laboratory process stopped during the run and was started again."),
+        }
+    }
+}
+
+/// Folders with a journal that was not handed in, oldest name first.
+pub fn leftovers(folder: &Path) -> Vec<PathBuf> {
+    let mut found: Vec<_> = run_folders(folder).into_iter().filter(|run| !run.join(DELIVERED_MARK).exists()).collect();
+    found.sort();
+    found
+}
+
+fn run_folders(folder: &Path) -> Vec<PathBuf> {
+    let Ok(entries) = fs::read_dir(folder) else { return Vec::new() };
+    entries.filter_map(|entry| Some(entry.ok()?.path())).filter(|path| path.join(journal::FILE_NAME).exists()).collect()
+}
+
+/// Closes everything left behind. An error means: the service is away, try again later.
+pub async fn sweep(lab: &Lab) -> Result<(), ServiceError> {
+    for folder in leftovers(&lab.folder) {
+        if lab.shutdown.is_requested() {
+            return Ok(());
+        }
+        let own = folder.clone();
+        let leftover = spawn_blocking(move || inspect(&own)).await.unwrap_or_default();
+        let how = match leftover {
+            None => "unreadable".to_owned(),
+            // Nothing moved: the service gives the run to somebody else when the lease is over.
+            Some(Leftover { moved: false, end: None, .. }) => "never moved".to_owned(),
+            Some(leftover) => salvage(lab, &folder, &leftover).await?,
+        };
+        tracing::info!(folder = %folder.display(), how, "leftover closed");
+        if let Err(error) = deliver::mark_delivered(&folder, &how) {
+            tracing::error!(folder = %folder.display(), %error, "a leftover cannot be marked");
+        }
+    }
+    prune(&lab.folder);
+    Ok(())
+}
+
+async fn salvage(lab: &Lab, folder: &Path, leftover: &Leftover) -> Result<String, ServiceError> {
+    let (run_id, epoch) = (leftover.attempt_run, leftover.epoch);
+    let run = match lab.service.salvage(run_id, epoch, &leftover.fault()).await {
+        Ok(run) => run,
+        Err(error) if error.is_temporary() => return Err(error),
+        Err(error) => return Ok(format!("refused: {error}")),
+    };
+    if run.state == RunState::Done {
+        return Ok("the run is done".to_owned());
+    }
+    let attempt = Attempt { run_id, epoch, folder: folder.to_owned() };
+    let sent = async {
+        let manifest = deliver::build_archive(folder).await?;
+        deliver::upload_all(lab, &attempt, &manifest, || true).await
+    };
+    match sent.await {
+        Ok(()) => Ok("salvaged".to_owned()),
+        Err(error) => match error.downcast::<ServiceError>() {
+            Ok(error) if error.is_temporary() => Err(error),
+            Ok(error) => Ok(format!("files refused: {error}")),
+            Err(error) => Ok(format!("no archive: {error:#}")),
+        },
+    }
+}
+
+/// Removes the oldest folders that were handed in.
+fn prune(folder: &Path) {
+    let modified = |path: &PathBuf| fs::metadata(path.join(DELIVERED_MARK)).and_then(|mark| mark.modified()).ok();
+    let mut done: Vec<_> = run_folders(folder).into_iter().filter_map(|path| Some((modified(&path)?, path))).collect();
+    done.sort();
+    let excess = done.len().saturating_sub(KEPT_FOLDERS);
+    for (_, path) in done.into_iter().take(excess) {
+        if let Err(error) = fs::remove_dir_all(&path) {
+            tracing::warn!(folder = %path.display(), %error, "an old run cannot be removed");
+        }
+    }
+}
