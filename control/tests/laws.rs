@@ -88,7 +88,7 @@ fn antipodal_swaps_do_not_lock() {
     let (mut tried, mut solved) = (0, 0);
     for n in 2..=6_usize {
         for _ in 0..12 {
-            let turn = random.between(0.0, 6.28);
+            let turn = random.between(0.0, core::f64::consts::TAU);
             let place = |i: usize, half: f64| {
                 let angle = turn + (i as f64 / n as f64 + half) * core::f64::consts::TAU;
                 (1.6 * libm::cos(angle), 1.6 * libm::sin(angle))

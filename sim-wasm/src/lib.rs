@@ -47,7 +47,10 @@ pub struct Simulation {
 
 enum State {
     Running(Box<Rehearsal>),
-    Finished { outcome: Box<Outcome>, ticks: (u64, u64) },
+    Finished {
+        outcome: Box<Outcome>,
+        ticks: (u64, u64),
+    },
     /// Only between two states.
     Moving,
 }
@@ -60,7 +63,9 @@ impl Simulation {
         let problems = |problems: Vec<FieldProblem>| text(&problems);
         let scenario = Scenario::from_json(scenario_json).map_err(problems)?;
         let rehearsal = Rehearsal::new(&scenario).map_err(problems)?;
-        Ok(Simulation { state: State::Running(Box::new(rehearsal)) })
+        Ok(Simulation {
+            state: State::Running(Box::new(rehearsal)),
+        })
     }
 
     /// Simulates up to `ticks` control ticks; returns the frames of this piece (30 Hz) as a JSON list.
@@ -112,12 +117,14 @@ impl Simulation {
 
     /// Verdict as JSON (`robopheus.verdict/1`); `null` before the end.
     pub fn verdict(&self) -> String {
-        self.outcome().map_or("null".to_owned(), |outcome| text(&outcome.verdict))
+        self.outcome()
+            .map_or("null".to_owned(), |outcome| text(&outcome.verdict))
     }
 
     /// Replay as JSON (`robopheus.replay/1`); `null` before the end.
     pub fn replay(&self) -> String {
-        self.outcome().map_or("null".to_owned(), |outcome| text(&outcome.replay))
+        self.outcome()
+            .map_or("null".to_owned(), |outcome| text(&outcome.replay))
     }
 
     /// Trace digest so far.
@@ -140,7 +147,10 @@ impl Simulation {
         self.state = match std::mem::replace(&mut self.state, State::Moving) {
             State::Running(rehearsal) => {
                 let ticks = rehearsal.progress();
-                State::Finished { outcome: Box::new(rehearsal.finish()), ticks }
+                State::Finished {
+                    outcome: Box::new(rehearsal.finish()),
+                    ticks,
+                }
             }
             other => other,
         };
@@ -176,9 +186,18 @@ mod tests {
                 frames += list.len() as u64;
             }
             assert_eq!(simulation.digest(), native.verdict.digest);
-            assert_eq!(simulation.verdict(), serde_json::to_string(&native.verdict).expect("verdict"));
-            assert_eq!(simulation.replay(), serde_json::to_string(&native.replay).expect("replay"));
-            assert!(frames >= native.verdict.ticks / 4 && frames <= native.verdict.ticks / 4 + 1, "{frames} frames");
+            assert_eq!(
+                simulation.verdict(),
+                serde_json::to_string(&native.verdict).expect("verdict")
+            );
+            assert_eq!(
+                simulation.replay(),
+                serde_json::to_string(&native.replay).expect("replay")
+            );
+            assert!(
+                frames >= native.verdict.ticks / 4 && frames <= native.verdict.ticks / 4 + 1,
+                "{frames} frames"
+            );
             assert_eq!((simulation.fraction(), simulation.advance(10).as_str()), (1.0, "[]"));
         }
     }
@@ -194,7 +213,8 @@ mod tests {
 
     #[test]
     fn digests_are_those_of_the_native_gallery() {
-        let digests: std::collections::BTreeMap<String, String> = serde_json::from_str(&gallery_digests()).expect("object");
+        let digests: std::collections::BTreeMap<String, String> =
+            serde_json::from_str(&gallery_digests()).expect("object");
         assert!(digests.len() >= 20);
         assert_eq!(digests["head-on"], control::gallery::digest_of("head-on"));
     }
