@@ -210,7 +210,7 @@ mod tests {
         std::fs::remove_file(&first.path).expect("removed");
         assert_eq!(contents.archive(&objects).expect("built again"), first);
         let mut zip = zip::ZipArchive::new(File::open(&first.path).expect("there")).expect("a zip");
-        let names: Vec<_> = (0..zip.len()).map(|i| zip.by_index(i).expect("member").name().to_owned()).collect();
+        let names: Vec<_> = (0..zip.len()).map(|i| zip.by_index(i).expect("member").name().expect("name").into_owned()).collect();
         assert_eq!(names, ["manifest.json", "log.txt", "robots/a/run.json"]);
         std::fs::remove_dir_all(root).expect("cleared");
     }
