@@ -1,1 +1,101 @@
-fn main() {}
+//! Every developer command of the project. `cargo xtask --help` lists them.
+
+mod arch;
+mod bundle;
+mod check;
+mod cluster;
+mod fingerprint;
+mod metadata;
+mod paths;
+mod run;
+mod setup;
+mod soak;
+mod stages;
+mod sys;
+mod test;
+mod tidy;
+mod up;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+/// Ends of a command; the number is the process's exit code.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum End {
+    Good = 0,
+    Failed = 1,
+    /// The verb is known, its subject does not exist yet.
+    NotYet = 2,
+    /// Something this machine lacks; it has been listed.
+    Missing = 3,
+}
+
+#[derive(Parser)]
+#[command(name = "cargo xtask", about = "Every developer command of the project", version)]
+struct Arguments {
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+#[derive(Subcommand)]
+enum Verb {
+    /// Build and set up what is missing, start everything, print the address
+    Up(up::UpArguments),
+    /// The whole test suite: unit, integration on a real PostgreSQL, wasm, whole system, real browser
+    Test(test::TestArguments),
+    /// Quick look before a commit: format, clippy, architecture, tidiness
+    Check,
+    /// Check which package may depend on which
+    Arch,
+    /// Check that documents and code agree and that no file is too long
+    Tidy,
+    /// Build the browser bundles into static/bundle
+    Wasm,
+    /// Start everything, run one experiment from submission to archive
+    Smoke,
+    /// What `test` does, at full counts and on real logs (ROBOPHEUS_REAL_LOGS)
+    Soak(soak::SoakArguments),
+    /// Speed of the twin
+    Bench,
+    /// The paper's experiments from the command line
+    Demo,
+    /// Pictures of the dashboard
+    Gallery,
+    /// Blind identification bench
+    Blind,
+}
+
+fn main() -> ExitCode {
+    let verb = Arguments::parse().verb;
+    let end = match verb {
+        Verb::Up(arguments) => up::up(&arguments),
+        Verb::Test(arguments) => test::test(&arguments),
+        Verb::Check => check::check(),
+        Verb::Arch => arch::arch(),
+        Verb::Tidy => tidy::tidy(),
+        Verb::Wasm => bundle::wasm(),
+        Verb::Smoke => test::smoke(),
+        Verb::Soak(arguments) => soak::soak(&arguments),
+        Verb::Bench => soak::bench(),
+        Verb::Demo => Ok(not_yet(
+            "demo",
+            "the paper's experiments A, B, C have no command-line tables yet",
+        )),
+        Verb::Gallery => Ok(not_yet("gallery", "no pictures of the dashboard are taken yet")),
+        Verb::Blind => Ok(not_yet("blind", "the blind identification bench is not built yet")),
+    };
+    match end {
+        Ok(end) => ExitCode::from(end as u8),
+        Err(error) => {
+            eprintln!("xtask: {error:#}");
+            ExitCode::from(End::Failed as u8)
+        }
+    }
+}
+
+/// Says in one sentence that a verb has nothing to do yet.
+pub fn not_yet(verb: &str, why: &str) -> End {
+    eprintln!("`cargo xtask {verb}` does not exist yet: {why}.");
+    End::NotYet
+}

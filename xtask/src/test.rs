@@ -1,0 +1,161 @@
+//! `cargo xtask test`: every test there is, and one table at the end.
+
+use std::process::Command;
+use std::time::Duration;
+
+use anyhow::{Context, Result, bail};
+use clap::Args;
+
+use crate::cluster::DisposableServer;
+use crate::setup::{Found, Needs, set_up};
+use crate::stages::Stages;
+use crate::{End, bundle, check, paths, run};
+
+/// Longest smoke run; it drives one short experiment.
+const SMOKE_LIMIT: Duration = Duration::from_secs(10 * 60);
+/// Packages of the browser's side; not among the default members.
+const BROWSER_PACKAGES: [&str; 4] = ["--package", "web-ui", "--package", "sim-wasm"];
+const SYSTEM_PACKAGE: &str = "system-tests";
+
+#[derive(Args)]
+pub struct TestArguments {
+    /// Run only these stages (names as in the table)
+    #[arg(long, value_name = "STAGE")]
+    pub only: Vec<String>,
+}
+
+/// Everything, in the order of what fails fastest.
+pub fn test(arguments: &TestArguments) -> Result<End> {
+    let Some(found) = set_up(Needs {
+        wasm: true,
+        postgres: true,
+        browser: true,
+    })?
+    else {
+        return Ok(End::Missing);
+    };
+    let mut stages = Stages::new(&arguments.only);
+    check::add_rules(&mut stages);
+    check::add_licences(&mut stages);
+    let built = stages.run("build", build);
+    let bundled = stages.run("wasm", || build_bundles(&found));
+    stages.run("clippy", check::clippy);
+    stages.run_if(built, "the build failed", "tests", || {
+        with_database(&found, |url| package_tests(url, &[]))
+    });
+    stages.run_if(built, "the build failed", "doc-tests", || {
+        run::succeed(&mut run::cargo(["test", "--quiet", "--locked", "--doc"]))
+    });
+    stages.run("browser-side", browser_side_tests);
+    let ready = built && bundled;
+    stages.run_if(ready, "the programs or bundles are not built", "smoke", run_smoke);
+    stages.run_if(ready, "the programs or bundles are not built", "system", || {
+        with_database(&found, |url| system_tests(&found, url))
+    });
+    Ok(stages.finish())
+}
+
+/// `cargo xtask smoke`.
+pub fn smoke() -> Result<End> {
+    let Some(found) = set_up(Needs {
+        wasm: true,
+        postgres: true,
+        browser: false,
+    })?
+    else {
+        return Ok(End::Missing);
+    };
+    build()?;
+    build_bundles(&found)?;
+    run_smoke()?;
+    Ok(End::Good)
+}
+
+/// The programs, with the same package selection as `up`, so that nothing is built twice.
+pub fn build() -> Result<()> {
+    run::succeed(&mut run::cargo(["build", "--locked", "--bins"]))
+}
+
+fn build_bundles(found: &Found) -> Result<()> {
+    bundle::build(found.wasm.as_ref().context("no wasm toolchain after setup")?)
+}
+
+/// Runs tests against a server of their own; an address given by the user is not touched.
+pub fn with_database(found: &Found, tests: impl FnOnce(&str) -> Result<()>) -> Result<()> {
+    let server = DisposableServer::start(found.postgres.as_ref().context("no PostgreSQL after setup")?)?;
+    tests(&server.url())
+}
+
+/// Every package but the whole-system tests and the browser's side, with further variables set.
+pub fn package_tests(database_url: &str, variables: &[(&str, String)]) -> Result<()> {
+    let mut command = if has_nextest() {
+        let everything_else = format!("not package({SYSTEM_PACKAGE})");
+        run::cargo(["nextest", "run", "--locked", "--filterset", &everything_else])
+    } else {
+        let mut command = run::cargo(["test", "--locked", "--workspace", "--lib", "--bins", "--tests"]);
+        command.args([
+            "--exclude",
+            SYSTEM_PACKAGE,
+            "--exclude",
+            "web-ui",
+            "--exclude",
+            "sim-wasm",
+        ]);
+        command
+    };
+    command.envs(variables.iter().map(|(name, value)| (name, value)));
+    run::succeed(command.env("TEST_DATABASE_URL", database_url))
+}
+
+fn browser_side_tests() -> Result<()> {
+    let mut command = if has_nextest() {
+        run::cargo(["nextest", "run", "--locked"])
+    } else {
+        run::cargo(["test", "--locked"])
+    };
+    run::succeed(command.args(BROWSER_PACKAGES))
+}
+
+/// One experiment from submission to archive on a system of its own.
+pub fn run_smoke() -> Result<()> {
+    let mut command = run::command(paths::program_folder()?.join("robopheus-smoke"));
+    export_own_program(&mut command)?;
+    match run::within(&mut command, SMOKE_LIMIT)? {
+        Some(status) if status.success() => Ok(()),
+        Some(status) => bail!("smoke failed ({status})"),
+        None => bail!("smoke took longer than {} min", SMOKE_LIMIT.as_secs() / 60),
+    }
+}
+
+fn system_tests(found: &Found, database_url: &str) -> Result<()> {
+    let mut command = if has_nextest() {
+        let own = format!("package({SYSTEM_PACKAGE})");
+        run::cargo(["nextest", "run", "--locked", "--filterset", &own])
+    } else {
+        run::cargo([
+            "test",
+            "--locked",
+            "--package",
+            SYSTEM_PACKAGE,
+            "--",
+            "--test-threads=1",
+        ])
+    };
+    export_own_program(&mut command)?;
+    if let Some(browser) = &found.browser {
+        browser.export(&mut command);
+    }
+    run::succeed(command.env("TEST_DATABASE_URL", database_url))
+}
+
+/// Whole-system tests start the system by the program that runs them.
+fn export_own_program(command: &mut Command) -> Result<()> {
+    command
+        .env("ROBOPHEUS_UP", paths::own_program()?)
+        .env_remove("DATABASE_URL");
+    Ok(())
+}
+
+fn has_nextest() -> bool {
+    paths::on_path("cargo-nextest").is_some()
+}

@@ -1,0 +1,266 @@
+//! The processes of a running system: how each is started and when it is ready.
+
+use std::fs;
+use std::io::{Read, Write};
+use std::net::{Ipv4Addr, TcpStream};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::Duration;
+
+use anyhow::{Result, bail};
+
+use super::keys;
+use super::ports::Ports;
+use super::supervisor::{Plan, StopWay};
+use crate::cluster::{Cluster, short_socket_folder};
+use crate::{paths, sys};
+
+const HEALTH_LIMIT: Duration = Duration::from_secs(2);
+
+/// Everything needed to start the processes, again and again.
+pub struct Programs {
+    data: PathBuf,
+    folder: PathBuf,
+    lab_file: PathBuf,
+    socket_folder: PathBuf,
+    ports: Ports,
+    cluster: Option<Cluster>,
+    database_url: String,
+    with_lab: bool,
+}
+
+impl Programs {
+    /// Checks that everything that will be started is there.
+    pub fn new(
+        data: &Path,
+        ports: Ports,
+        cluster: Option<Cluster>,
+        own_database: Option<String>,
+        no_lab: bool,
+    ) -> Result<Self> {
+        let database_url = match (&cluster, own_database) {
+            (Some(cluster), _) => cluster.url(),
+            (None, Some(url)) => url,
+            (None, None) => bail!("neither a database cluster nor DATABASE_URL"),
+        };
+        let programs = Self {
+            data: data.to_path_buf(),
+            folder: paths::program_folder()?,
+            lab_file: paths::root().join("examples/lab/reference.json"),
+            socket_folder: short_socket_folder(data)?,
+            ports,
+            cluster,
+            database_url,
+            with_lab: !no_lab,
+        };
+        programs.check()?;
+        if programs.with_lab {
+            keys::make_missing(&programs.keys_file(), &programs.lab_file)?;
+        }
+        Ok(programs)
+    }
+
+    fn check(&self) -> Result<()> {
+        let lab: &[&str] = if self.with_lab {
+            &["robopheus-emulator", "robopheus-lab"]
+        } else {
+            &[]
+        };
+        let names = ["robopheus-server", "robopheus-scheduler"].iter().chain(lab);
+        let absent: Vec<&str> = names
+            .copied()
+            .filter(|name| !paths::is_executable(&self.folder.join(name)))
+            .collect();
+        if !absent.is_empty() {
+            bail!(
+                "not built in {}: {}; run `cargo build`",
+                self.folder.display(),
+                absent.join(", ")
+            );
+        }
+        Ok(())
+    }
+
+    pub fn ports(&self) -> &Ports {
+        &self.ports
+    }
+
+    pub fn has_lab(&self) -> bool {
+        self.with_lab
+    }
+
+    /// True for the process that answers users.
+    pub fn serves(&self, name: &str) -> bool {
+        name == "server"
+    }
+
+    /// In the order of starting; stopping goes by each plan's rank.
+    pub fn plans(&self) -> Result<Vec<Plan<'_>>> {
+        let mut plans = Vec::new();
+        if let Some(cluster) = &self.cluster {
+            plans.push(Plan {
+                name: "postgres",
+                command: Box::new(move || cluster.clear_leftovers().map(|()| cluster.server_command())),
+                stop: StopWay {
+                    rank: 5,
+                    ask: libc::SIGINT,
+                    insist: libc::SIGQUIT,
+                    patience: Duration::from_millis(2500),
+                },
+                on_our_death: libc::SIGINT,
+            });
+        }
+        plans.push(self.plan("server", 4, 1500, Self::server));
+        plans.push(self.plan("scheduler", 3, 1500, Self::scheduler));
+        if self.with_lab {
+            plans.push(self.plan("emulator", 2, 1000, Self::emulator));
+            plans.push(self.plan("lab", 1, 3000, Self::lab));
+        }
+        Ok(plans)
+    }
+
+    fn plan(&self, name: &'static str, rank: u8, patience_ms: u64, make: fn(&Self) -> Command) -> Plan<'_> {
+        Plan {
+            name,
+            command: Box::new(move || Ok(make(self))),
+            stop: StopWay {
+                rank,
+                ask: libc::SIGTERM,
+                insist: libc::SIGKILL,
+                patience: Duration::from_millis(patience_ms),
+            },
+            on_our_death: libc::SIGKILL,
+        }
+    }
+
+    fn command(&self, name: &str) -> Command {
+        let mut command = Command::new(self.folder.join(name));
+        command.current_dir(paths::root()).stdin(Stdio::null());
+        command
+    }
+
+    /// By environment, not by flag: an address may carry a password and flags are visible to everybody.
+    fn with_database(&self, name: &str) -> Command {
+        let mut command = self.command(name);
+        command
+            .env("DATABASE_URL", &self.database_url)
+            .arg("--data")
+            .arg(&self.data);
+        command
+    }
+
+    fn server(&self) -> Command {
+        let mut command = self.with_database("robopheus-server");
+        command.arg("--listen").arg(format!("127.0.0.1:{}", self.ports.server));
+        command.arg("--static").arg(paths::root().join("static"));
+        command
+    }
+
+    fn scheduler(&self) -> Command {
+        self.with_database("robopheus-scheduler")
+    }
+
+    fn emulator(&self) -> Command {
+        self.remove_sockets();
+        let mut command = self.command("robopheus-emulator");
+        self.add_robot_flags(&mut command);
+        command
+    }
+
+    fn lab(&self) -> Command {
+        fs::remove_file(self.data.join("lab-stop.addr")).ok();
+        let mut command = self.command("robopheus-lab");
+        command
+            .arg("--server")
+            .arg(format!("http://127.0.0.1:{}", self.ports.server));
+        command.arg("--token-file").arg(self.data.join("tokens/lab"));
+        command
+            .arg("--data")
+            .arg(&self.data)
+            .args(["--robot-host", "127.0.0.1"]);
+        command
+            .arg("--stop-listen")
+            .arg(format!("127.0.0.1:{}", self.ports.lab_stop));
+        self.add_robot_flags(&mut command);
+        command
+    }
+
+    fn add_robot_flags(&self, command: &mut Command) {
+        command
+            .arg("--lab")
+            .arg(&self.lab_file)
+            .arg("--keys")
+            .arg(self.keys_file());
+        command
+            .arg("--robot-udp-base")
+            .arg(self.ports.robot_udp_base.to_string());
+        command
+            .arg("--tracker")
+            .arg(self.socket("tracker.sock"))
+            .arg("--hand")
+            .arg(self.socket("hand.sock"));
+    }
+
+    fn keys_file(&self) -> PathBuf {
+        self.data.join("link-keys.json")
+    }
+
+    fn socket(&self, name: &str) -> PathBuf {
+        self.socket_folder.join(name)
+    }
+
+    /// Removes the emulator's sockets, which nobody listens on any more.
+    pub fn remove_sockets(&self) {
+        for name in ["tracker.sock", "hand.sock"] {
+            fs::remove_file(self.socket(name)).ok();
+        }
+    }
+
+    /// True once the process does what the next one needs.
+    pub fn is_ready(&self, name: &str) -> bool {
+        match name {
+            "postgres" => self.cluster.as_ref().is_none_or(Cluster::is_ready),
+            "server" => is_healthy(self.ports.server),
+            "emulator" => self.socket("tracker.sock").exists() && self.socket("hand.sock").exists(),
+            "lab" => self.data.join("lab-stop.addr").is_file(),
+            _ => true,
+        }
+    }
+}
+
+/// Asks the health endpoint.
+fn is_healthy(port: u16) -> bool {
+    let ask = || -> std::io::Result<bool> {
+        let mut stream = TcpStream::connect_timeout(&(Ipv4Addr::LOCALHOST, port).into(), HEALTH_LIMIT)?;
+        stream.set_read_timeout(Some(HEALTH_LIMIT))?;
+        stream.write_all(b"GET /api/v1/health HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\n\r\n")?;
+        let mut start = [0_u8; 12];
+        stream.read_exact(&mut start)?;
+        Ok(start.starts_with(b"HTTP/1.1 200"))
+    };
+    sys::ends_asked() == 0 && ask().unwrap_or(false)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::net::TcpListener;
+
+    fn answer_once(answer: &'static [u8]) -> u16 {
+        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+        let port = listener.local_addr().unwrap().port();
+        std::thread::spawn(move || {
+            let (mut stream, _) = listener.accept().unwrap();
+            let mut request = [0_u8; 256];
+            let _ = stream.read(&mut request).unwrap();
+            stream.write_all(answer).unwrap();
+        });
+        port
+    }
+
+    #[test]
+    fn only_a_good_answer_is_healthy() {
+        assert!(is_healthy(answer_once(b"HTTP/1.1 200 OK\r\n\r\n")));
+        assert!(!is_healthy(answer_once(b"HTTP/1.1 503 Service Unavailable\r\n\r\n")));
+    }
+}
