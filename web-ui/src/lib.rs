@@ -1,1 +1,43 @@
+//! The dashboard in the browser.
+//!
+//! `state` is plain data, `command` names everything that can happen, `update` is the only code that changes state,
+//! `pages/<page>/{data,ui}` say what is shown and how, `theme` owns colours, sizes and formats. `platform`, `net` and
+//! `worker` carry effects out in the browser; natively the crate compiles without them, for tests.
+//!
+//! # Test hook
+//! `window.__robopheus.inspect()` returns `{page, widgets, state}` of the newest frame; `widgets` maps a name to
+//! `{x, y, w, h, enabled}` in CSS pixels. Only what is on the screen now is listed. Names:
+//!
+//! * everywhere: `nav.compose`, `nav.queue`, `nav.live`, `nav.run`, `nav.robots`, `nav.theme`, `toast.<n>.close`
+//! * Compose: `compose.template.rectangle-omni4`, `compose.template.rectangle-diff2`, `compose.template.swap-corners`,
+//!   `compose.label`, `compose.duration`, `compose.seed`, `compose.parameter.<key>`, `compose.parameters.reset`,
+//!   `compose.json` (opens the document), `compose.json.copy`, `compose.arena` (the floor),
+//!   `compose.robot.<i>` (start pose, drag), `compose.robot.<i>.yaw` (handle), `compose.target.<i>` (drag),
+//!   `compose.play`, `compose.seek`, `compose.speed`, `compose.finding.<i>`, `compose.problem.<i>`, `compose.submit`
+//! * Queue: `queue.row.<run id>` (opens), `queue.cancel.<run id>`, `queue.cancel.yes`, `queue.cancel.no`, `queue.compose`
+//! * Live: `live.arena`, `live.open`, `live.compose`
+//! * Run: `run.arena`, `run.plot`, `run.play`, `run.seek`, `run.speed`, `run.live`, `run.cancel`, `run.finding.<i>`,
+//!   `run.download.archive`, `run.download.<file name>`
+//! * Robots: `robots.row.<name>`
 
+#[cfg(target_arch = "wasm32")]
+pub mod app;
+pub mod arena_view;
+pub mod command;
+pub mod error_measure;
+pub mod inbox;
+pub mod inspect;
+pub mod net;
+pub mod output;
+pub mod pages;
+pub mod parameters;
+#[cfg(target_arch = "wasm32")]
+pub mod platform;
+pub mod scenario;
+pub mod state;
+pub mod theme;
+pub mod update;
+pub mod worker;
+
+#[cfg(target_arch = "wasm32")]
+mod shell;

@@ -1,0 +1,89 @@
+//! Everything a person can do, everything that can arrive, and everything the program can ask of the browser.
+//!
+//! Pages send [`Command`]s; `update/` turns commands and [`Event`]s into new state and [`Effect`]s;
+//! the platform carries effects out and reports back with events.
+
+use crate::state::{Page, RobotIndex, TargetIndex, Template};
+use api::verdict::{Replay, Verdict};
+use uuid::Uuid;
+
+/// What a person did.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Command {
+    ShowPage(Page),
+    ToggleTheme,
+    DismissToast(u64),
+    /// Switch to the page that an address such as `#/run/<id>` names.
+    FollowAddress(String),
+
+    ChooseTemplate(Template),
+    SetLabel(String),
+    SetDuration { duration_s: f64 },
+    SetSeed(u64),
+    SetParameter { key: &'static str, value: f64 },
+    ResetParameters,
+    MoveStart { robot: RobotIndex, x_m: f64, y_m: f64 },
+    TurnStart { robot: RobotIndex, yaw_rad: f64 },
+    MoveTarget { target: TargetIndex, x_m: f64, y_m: f64 },
+    CopyDocument,
+    Submit,
+
+    PlayPause,
+    Seek { time_s: f64 },
+    SetSpeed(f64),
+
+    AskCancel(Uuid),
+    ConfirmCancel(Uuid),
+    KeepRun,
+    OpenRun(Uuid),
+    Download { url: String, file_name: String },
+}
+
+/// What arrived from the server, the worker or the live connection.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Event {
+    Answer { request: Request, answer: Answer },
+    TwinProgress { id: u32, fraction: f64 },
+    TwinDone { id: u32, verdict: Box<Verdict>, replay: Box<Replay>, digest: String, twin_version: String },
+    TwinProblems { id: u32, problems: Vec<api::problem::FieldProblem> },
+    TwinFailed { id: u32, message: String },
+    LiveOpened { run: Uuid },
+    LiveFrame { run: Uuid, text: String },
+    LiveClosed { run: Uuid, reason: String },
+}
+
+/// A REST call, named so that the answer finds its place.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Request {
+    Arenas,
+    Robots,
+    Runs,
+    Run(Uuid),
+    Cancel(Uuid),
+    Replay(Uuid),
+    Track(Uuid),
+    Submit,
+}
+
+/// How a REST call ended. `Err` holds the words of the browser when no answer came at all.
+pub type Answer = Result<HttpAnswer, String>;
+
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct HttpAnswer {
+    pub status: u16,
+    pub body: String,
+}
+
+/// What the platform is asked to do.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Effect {
+    Send { request: Request, body: Option<String>, idempotency_key: Option<Uuid> },
+    StartTwin { id: u32, scenario: String },
+    CancelTwin { id: u32 },
+    OpenLive { run: Uuid },
+    CloseLive,
+    CopyText(String),
+    Download { url: String, file_name: String },
+    SetAddress(String),
+    StoreTheme { dark: bool },
+}

@@ -1,0 +1,40 @@
+//! The way to the service: which address belongs to which request. The browser part is in `http` and `socket`.
+
+#[cfg(target_arch = "wasm32")]
+pub mod http;
+#[cfg(target_arch = "wasm32")]
+pub mod socket;
+
+use crate::command::Request;
+use crate::update::{REPLAY_FILE, TRACK_FILE};
+use api::BASE_PATH;
+use uuid::Uuid;
+
+/// Method and path of a request.
+pub fn route(request: &Request) -> (&'static str, String) {
+    match request {
+        Request::Arenas => ("GET", format!("{BASE_PATH}/arenas")),
+        Request::Robots => ("GET", format!("{BASE_PATH}/robots")),
+        Request::Runs => ("GET", format!("{BASE_PATH}/runs")),
+        Request::Run(id) => ("GET", format!("{BASE_PATH}/runs/{id}")),
+        Request::Cancel(id) => ("POST", format!("{BASE_PATH}/runs/{id}/cancel")),
+        Request::Replay(id) => ("GET", file_url(*id, REPLAY_FILE)),
+        Request::Track(id) => ("GET", file_url(*id, TRACK_FILE)),
+        Request::Submit => ("POST", format!("{BASE_PATH}/experiments")),
+    }
+}
+
+/// Address of one file of a run.
+pub fn file_url(run: Uuid, name: &str) -> String {
+    format!("{BASE_PATH}/runs/{run}/files/{name}")
+}
+
+/// Address of the zip of everything.
+pub fn archive_url(run: Uuid) -> String {
+    format!("{BASE_PATH}/runs/{run}/archive")
+}
+
+/// Path of the live connection.
+pub fn live_path(run: Uuid) -> String {
+    format!("{BASE_PATH}/runs/{run}/live")
+}

@@ -1,0 +1,118 @@
+//! What the Live page shows.
+
+use crate::arena_view::{Ink, Scene, SceneRobot, Shape, Trail};
+use crate::error_measure::path;
+use crate::pages::words;
+use crate::state::State;
+use crate::theme::{self, Tone};
+use api::live::LiveRobot;
+use api::run::RunView;
+
+/// Length of a trail, seconds of the run.
+const TRAIL_S: f64 = 20.0;
+/// Ages above these are worth a colour.
+const LINK_LATE_MS: f64 = 50.0;
+const LINK_LOST_MS: f64 = 100.0;
+/// Below this the battery is nearly empty (24 V packs).
+const BATTERY_LOW_V: f64 = 22.0;
+/// No frame for this long: the picture is old.
+pub const PICTURE_OLD_S: f64 = 1.0;
+
+/// The run the page is about.
+pub fn run(state: &State) -> Option<&RunView> {
+    state.queue.active()
+}
+
+pub fn scene(state: &State, run: &RunView) -> Scene {
+    let experiment = &run.experiment;
+    let mut scene = Scene::of_arena(state.lab.arena_or_reference(&experiment.arena));
+    scene.paths = (0..experiment.robots.len()).filter_map(|index| path(experiment, index)).collect();
+    scene.add_targets(experiment);
+    let Some(last) = state.live.frames.back() else { return scene };
+    for live in &last.robots {
+        let index = experiment.robots.iter().position(|r| r.name == live.name).unwrap_or(0);
+        let points = state
+            .live
+            .frames
+            .iter()
+            .filter(|f| f.tick >= 0 && last.time_s - f.time_s <= TRAIL_S)
+            .filter_map(|f| f.robots.iter().find(|r| r.name == live.name).map(|r| [r.x_m, r.y_m]))
+            .collect();
+        scene.trails.push(Trail { points, ink: Ink::Robot(index), dashed: false, faint: false });
+        scene.robots.push(SceneRobot {
+            name: live.name.clone(),
+            pose: [live.x_m, live.y_m, live.yaw_rad],
+            shape: Shape::of(state.lab.robot(&live.name).map(|r| &r.description)),
+            ink: Ink::Robot(index),
+            ghost: false,
+            show_name: true,
+            mark: live.safety.as_deref().map(|code| words::safety(code).to_owned()),
+        });
+    }
+    scene
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub struct RobotCard {
+    pub name: String,
+    pub index: usize,
+    /// Name, value, tone.
+    pub lines: Vec<(&'static str, String, Tone)>,
+}
+
+pub fn robots(state: &State, run: &RunView) -> Vec<RobotCard> {
+    let Some(last) = state.live.frames.back() else { return Vec::new() };
+    last.robots
+        .iter()
+        .map(|robot| RobotCard {
+            name: robot.name.clone(),
+            index: run.experiment.robots.iter().position(|r| r.name == robot.name).unwrap_or(0),
+            lines: lines(robot),
+        })
+        .collect()
+}
+
+fn lines(robot: &LiveRobot) -> Vec<(&'static str, String, Tone)> {
+    let (link, link_tone) = age(robot.link_age_ms);
+    let (pose, pose_tone) = age(robot.pose_age_ms);
+    let battery_tone = if robot.bus_v < BATTERY_LOW_V { Tone::Warning } else { Tone::Neutral };
+    let (safety, safety_tone) = robot.safety.as_deref().map_or(("leaves it alone", Tone::Neutral), |code| (words::safety(code), Tone::Warning));
+    vec![
+        ("Link", link, link_tone),
+        ("Pose", pose, pose_tone),
+        ("Battery", theme::volts(robot.bus_v), battery_tone),
+        ("Safety filter", safety.to_owned(), safety_tone),
+    ]
+}
+
+fn age(value_ms: f64) -> (String, Tone) {
+    let tone = match value_ms {
+        v if v > LINK_LOST_MS => Tone::Error,
+        v if v > LINK_LATE_MS => Tone::Warning,
+        _ => Tone::Neutral,
+    };
+    (format!("{} old", theme::milliseconds(value_ms)), tone)
+}
+
+/// Facts about the run as a whole.
+pub fn facts(state: &State) -> Vec<(String, String)> {
+    let Some(last) = state.live.frames.back() else { return Vec::new() };
+    let time = if last.tick < 0 { "before the start".to_owned() } else { theme::seconds(last.time_s) };
+    vec![
+        ("Time".to_owned(), time),
+        ("Tick".to_owned(), last.tick.max(0).to_string()),
+        ("Missed ticks".to_owned(), last.ticks_missed.to_string()),
+    ]
+}
+
+/// Says how fresh the picture is.
+pub fn connection(state: &State) -> (String, Tone) {
+    let live = &state.live;
+    let age_s = state.clock.time_s - live.last_frame_at_s;
+    match (live.open, live.frames.is_empty()) {
+        (false, _) => ("Connecting \u{2026}".to_owned(), Tone::Warning),
+        (true, true) => ("Waiting for the first picture \u{2026}".to_owned(), Tone::Active),
+        (true, false) if age_s > PICTURE_OLD_S => (format!("Picture is {} old", theme::seconds(age_s)), Tone::Warning),
+        (true, false) => ("Live".to_owned(), Tone::Good),
+    }
+}

@@ -1,0 +1,4 @@
+//! The Run page: what is shown (`data`) and how (`ui`).
+
+pub mod data;
+pub mod ui;

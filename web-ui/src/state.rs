@@ -1,0 +1,357 @@
+//! Plain data: everything the dashboard knows. Only `update/` changes it.
+
+use crate::command::Request;
+use api::arena::{Arena, ArenaView};
+use api::experiment::Experiment;
+use api::lab::LabDescription;
+use api::live::LiveFrame;
+use api::problem::FieldProblem;
+use api::robot::{LabRobot, RobotView};
+use api::run::{RunState, RunView};
+use api::verdict::{Replay, Verdict};
+use chrono::{DateTime, Utc};
+use std::collections::{BTreeMap, VecDeque};
+use uuid::Uuid;
+
+/// Position in `experiment.robots`.
+pub type RobotIndex = usize;
+/// Position in `experiment.targets`.
+pub type TargetIndex = usize;
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Page {
+    Compose,
+    Queue,
+    Live,
+    Run,
+    Robots,
+}
+
+impl Page {
+    /// In the order of the keys 1 to 5.
+    pub const ALL: [Self; 5] = [Self::Compose, Self::Queue, Self::Live, Self::Run, Self::Robots];
+
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Compose => "compose",
+            Self::Queue => "queue",
+            Self::Live => "live",
+            Self::Run => "run",
+            Self::Robots => "robots",
+        }
+    }
+
+    pub const fn title(self) -> &'static str {
+        match self {
+            Self::Compose => "Compose",
+            Self::Queue => "Queue",
+            Self::Live => "Live",
+            Self::Run => "Run",
+            Self::Robots => "Robots",
+        }
+    }
+}
+
+/// Example experiments to start from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Template {
+    RectangleOmni4,
+    RectangleDiff2,
+    SwapCorners,
+}
+
+impl Template {
+    pub const ALL: [Self; 3] = [Self::RectangleOmni4, Self::RectangleDiff2, Self::SwapCorners];
+
+    /// As in the file name under `examples/experiments/`.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::RectangleOmni4 => "rectangle-omni4",
+            Self::RectangleDiff2 => "rectangle-diff2",
+            Self::SwapCorners => "swap-corners",
+        }
+    }
+
+    pub const fn title(self) -> &'static str {
+        match self {
+            Self::RectangleOmni4 => "Rectangle path, omnidirectional robot",
+            Self::RectangleDiff2 => "Rectangle path, two-wheel robot",
+            Self::SwapCorners => "Four robots swap corners",
+        }
+    }
+
+    pub const fn explanation(self) -> &'static str {
+        match self {
+            Self::RectangleOmni4 => "The paper's path, out and back, on four omni wheels",
+            Self::RectangleDiff2 => "The same path on a differential drive",
+            Self::SwapCorners => "Everyone drives to the opposite corner without touching",
+        }
+    }
+
+    const fn text(self) -> &'static str {
+        match self {
+            Self::RectangleOmni4 => include_str!("../../examples/experiments/rectangle-omni4.json"),
+            Self::RectangleDiff2 => include_str!("../../examples/experiments/rectangle-diff2.json"),
+            Self::SwapCorners => include_str!("../../examples/experiments/swap-corners.json"),
+        }
+    }
+
+    /// The embedded document.
+    pub fn experiment(self) -> Experiment {
+        serde_json::from_str(self.text()).expect("embedded example is valid; a test reads all of them")
+    }
+}
+
+/// Time as the update functions see it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Clock {
+    /// Seconds since the page was opened; grows steadily.
+    pub time_s: f64,
+    pub utc: DateTime<Utc>,
+}
+
+#[derive(Debug, Clone)]
+pub struct State {
+    pub page: Page,
+    pub dark: bool,
+    pub clock: Clock,
+    pub service: Service,
+    pub lab: Lab,
+    pub compose: Compose,
+    pub queue: Queue,
+    pub live: Live,
+    pub run: Run,
+    pub toasts: VecDeque<Toast>,
+    pub next_toast: u64,
+    /// The last message that was shown as an error.
+    pub last_error: Option<String>,
+}
+
+/// The link to the REST interface.
+#[derive(Debug, Clone, Default)]
+pub struct Service {
+    /// `None` until the first answer or failure.
+    pub reachable: Option<bool>,
+    /// Calls under way, with the moment they were sent.
+    pub pending_since_s: BTreeMap<Request, f64>,
+    /// When each repeated call was sent last.
+    pub asked_at_s: BTreeMap<Request, f64>,
+}
+
+/// Robots and arena that experiments can use.
+#[derive(Debug, Clone)]
+pub struct Lab {
+    /// From the server; `None` until it answered.
+    pub robots: Option<Vec<RobotView>>,
+    pub arenas: Option<Vec<ArenaView>>,
+    /// The reference laboratory, used until the server has told its own.
+    pub reference: LabDescription,
+}
+
+impl Lab {
+    /// Description of a robot by name.
+    pub fn robot(&self, name: &str) -> Option<&LabRobot> {
+        match self.robots.as_deref() {
+            Some(robots) if !robots.is_empty() => robots.iter().find(|r| r.name == name).map(|r| &r.robot),
+            _ => self.reference.robots.iter().find(|r| r.description.name == name),
+        }
+    }
+
+    pub fn arena(&self, name: &str) -> Option<&Arena> {
+        self.arenas
+            .as_deref()
+            .and_then(|arenas| arenas.iter().map(|a| &a.arena).find(|a| a.name == name))
+            .or_else(|| (self.reference.arena.name == name).then_some(&self.reference.arena))
+    }
+
+    /// The arena to draw when an experiment names none that is known.
+    pub fn arena_or_reference(&self, name: &str) -> &Arena {
+        self.arena(name).unwrap_or(&self.reference.arena)
+    }
+}
+
+#[derive(Debug, Clone)]
+pub struct Compose {
+    pub template: Template,
+    /// Changed by hand since the template was chosen.
+    pub edited: bool,
+    pub experiment: Experiment,
+    pub label: String,
+    pub twin: Twin,
+    pub playback: Playback,
+    pub submission: Submission,
+    /// Base of the idempotency keys of this page.
+    pub session: Uuid,
+    /// Counts documents: a repeated attempt for the same document keeps its key.
+    pub document_number: u32,
+}
+
+#[derive(Debug, Clone, Default)]
+pub struct Twin {
+    /// Number of the newest computation; answers of older ones are dropped.
+    pub id: u32,
+    pub status: TwinStatus,
+    /// The last complete replay; stays visible (faint) while the next one is computed.
+    pub result: Option<TwinResult>,
+}
+
+#[derive(Debug, Clone, Default, PartialEq)]
+pub enum TwinStatus {
+    #[default]
+    Idle,
+    /// Something changed; starts when the person pauses.
+    Waiting { start_at_s: f64 },
+    Running { fraction: f64 },
+    Done,
+    Problems(Vec<FieldProblem>),
+    Failed(String),
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub struct TwinResult {
+    pub verdict: Verdict,
+    pub replay: Replay,
+    pub digest: String,
+    pub twin_version: String,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub struct Playback {
+    pub time_s: f64,
+    pub playing: bool,
+    /// Times faster than real time.
+    pub speed: f64,
+}
+
+impl Default for Playback {
+    fn default() -> Self {
+        Self { time_s: 0.0, playing: false, speed: 1.0 }
+    }
+}
+
+#[derive(Debug, Clone, Default, PartialEq)]
+pub enum Submission {
+    #[default]
+    Ready,
+    Sending,
+    Accepted(Uuid),
+    Refused(Refusal),
+}
+
+/// A problem body in words.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Refusal {
+    pub sentence: String,
+    pub problems: Vec<FieldProblem>,
+}
+
+#[derive(Debug, Clone, Default)]
+pub struct Queue {
+    /// Newest first; `None` until the server answered.
+    pub runs: Option<Vec<RunView>>,
+    /// A run whose cancelling waits for a yes.
+    pub cancel_asked: Option<Uuid>,
+}
+
+impl Queue {
+    /// The run on the floor now.
+    pub fn active(&self) -> Option<&RunView> {
+        self.runs.as_deref()?.iter().find(|r| matches!(r.state, RunState::Preparing | RunState::Running))
+    }
+
+    pub fn find(&self, id: Uuid) -> Option<&RunView> {
+        self.runs.as_deref()?.iter().find(|r| r.id == id)
+    }
+}
+
+/// Newest live frames kept for trails and for runs without a recorded track.
+pub const LIVE_FRAMES_MAX: usize = 12_000;
+
+#[derive(Debug, Clone, Default)]
+pub struct Live {
+    /// The run the connection belongs to; `None` when there is no connection.
+    pub connected: Option<Uuid>,
+    /// The first message or the opening has arrived.
+    pub open: bool,
+    pub reconnect_at_s: f64,
+    /// The run that `frames` belong to.
+    pub run: Option<Uuid>,
+    pub frames: VecDeque<LiveFrame>,
+    pub frames_dropped: u64,
+    pub unreadable: u64,
+    pub last_frame_at_s: f64,
+}
+
+#[derive(Debug, Clone, Default)]
+pub struct Run {
+    pub selected: Option<Uuid>,
+    pub view: Option<RunView>,
+    /// Why the run cannot be shown.
+    pub missing: Option<String>,
+    pub twin: Recording,
+    pub physical: Recording,
+    pub playback: Playback,
+}
+
+/// A recorded or replayed motion on its way from the server.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub enum Recording {
+    #[default]
+    Unknown,
+    Loading,
+    Missing(String),
+    Here(Replay),
+}
+
+impl Recording {
+    pub const fn replay(&self) -> Option<&Replay> {
+        match self {
+            Self::Here(replay) => Some(replay),
+            _ => None,
+        }
+    }
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub struct Toast {
+    pub id: u64,
+    pub error: bool,
+    pub text: String,
+    pub until_s: f64,
+}
+
+impl State {
+    /// - `session`: random, one per page load.
+    pub fn new(session: Uuid, clock: Clock, dark: bool) -> Self {
+        let template = Template::RectangleOmni4;
+        Self {
+            page: Page::Compose,
+            dark,
+            clock,
+            service: Service::default(),
+            lab: Lab {
+                robots: None,
+                arenas: None,
+                reference: serde_json::from_str(include_str!("../../examples/lab/reference.json"))
+                    .expect("embedded laboratory is valid; a test reads it"),
+            },
+            compose: Compose {
+                template,
+                edited: false,
+                experiment: template.experiment(),
+                label: template.title().to_owned(),
+                twin: Twin { status: TwinStatus::Waiting { start_at_s: clock.time_s }, ..Twin::default() },
+                playback: Playback::default(),
+                submission: Submission::Ready,
+                session,
+                document_number: 1,
+            },
+            queue: Queue::default(),
+            live: Live::default(),
+            run: Run::default(),
+            toasts: VecDeque::new(),
+            next_toast: 0,
+            last_error: None,
+        }
+    }
+}
