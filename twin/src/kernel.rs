@@ -8,7 +8,7 @@
 //! body              m (du/dt - r v), m (dv/dt + r u), J dr/dt  =  sum F_l A_i + F_t B_i
 //! ```
 //!
-//! The contact is stiff (thousands 1/s at small slip), so the step is the two-stage, second-order, L-stable and
+//! The contact is stiff (thousands 1/s at small slip), so a step is the two-stage, second-order, L-stable and
 //! algebraically stable SDIRK method with gamma = 1 - 1/sqrt 2: a dissipative system can never gain energy from the
 //! step size. Each stage is a Newton iteration; wheel speeds are eliminated wheel by wheel, which leaves 3 x 3.
 //! Where a slip jumps, the secant slope F / s replaces the tangent: that iteration minimises a convex potential by
@@ -27,6 +27,12 @@ const TOLERANCE_M_PER_S: f64 = 1e-5;
 const NEWTON_RANGE_M_PER_S: f64 = 0.5 * SLIP_SCALE_M_PER_S;
 /// Bound on the iterations of one stage; tests see below 12.
 const MAX_ITERATIONS: u32 = 40;
+/// Parts of a physics step at the finest.
+const FINEST: u32 = 64;
+/// Allowed change of the body's derivative over a part, times gamma h; the error itself is a small part of it, m/s.
+const BODY_TOLERANCE_M_PER_S: f64 = 2e-5;
+/// The same for the rim of a wheel, m/s.
+const RIM_TOLERANCE_M_PER_S: f64 = 5e-3;
 /// Square of the smallest scaled slip, so that tanh(q)/q needs no case.
 const TINY: f64 = 1e-30;
 
@@ -45,8 +51,6 @@ struct Step<'a, const N: usize> {
     grip: [f64; N],
     /// V_i, held during the step.
     voltage: [f64; N],
-    /// Largest number of iterations a stage took.
-    iterations: u32,
 }
 
 /// Sums over the wheels in one iteration: the 3 x 3 matrix and its right-hand side, without the body's own terms.
@@ -62,8 +66,10 @@ struct Sums {
     reduced: [f64; 3],
 }
 
-/// Advances `state` by `period_s` with the voltages (or, without a motor, the wheel speeds) in it. Returns the
-/// largest number of iterations of a stage.
+/// Advances `state` by one physics step with the voltages (or, without a motor, the wheel speeds) in it.
+///
+/// Loads and geometry are those of the whole step. Inside, the step is divided wherever the wheels cross between grip
+/// and slip faster than it resolves; how finely depends on the state alone. Returns the number of parts.
 pub(crate) fn advance(model: &Model, state: &mut BodyState, period_s: f64) -> u32 {
     let steered;
     let geometry = if model.steering.is_some() {
@@ -80,22 +86,40 @@ pub(crate) fn advance(model: &Model, state: &mut BodyState, period_s: f64) -> u3
 }
 
 fn advance_lanes<const N: usize>(model: &Model, geometry: &Geometry, state: &mut BodyState, period_s: f64) -> u32 {
-    let loads = model.load.loads_n(state.accel_x, state.accel_y);
-    let mut step = Step::<N> { model, geometry, grip: [0.0; N], voltage: [0.0; N], iterations: 0 };
-    let mut start = Stage::<N> { z: [state.u, state.v, state.r], wheel: [0.0; N] };
+    let mut step = Step::<N> { model, geometry, grip: [0.0; N], voltage: [0.0; N] };
+    let mut now = Stage::<N> { z: [state.u, state.v, state.r], wheel: [0.0; N] };
     for i in 0..N {
-        let present = if i < model.lanes { model.floor_friction / SLIP_SCALE_M_PER_S } else { 0.0 };
-        step.grip[i] = present * loads[i];
         step.voltage[i] = state.voltage[i];
-        start.wheel[i] = state.wheel[i];
+        now.wheel[i] = state.wheel[i];
     }
-    let k = GAMMA * period_s;
-    let first = step.solve(&start, start, k);
-    // Stage 2 starts from y0 + (1 - gamma) h f(y1) with f(y1) = (y1 - y0) / (gamma h).
-    let base = extrapolated(&start, &first, (1.0 - GAMMA) / GAMMA);
-    let second = step.solve(&base, extrapolated(&start, &first, 1.0 / GAMMA), k);
-    finish(model, state, &first, &second, period_s);
-    step.iterations
+    step.set_loads(state);
+    let (mut at, mut size, mut parts) = (0_u32, FINEST, 0);
+    while at < FINEST {
+        let part_s = period_s * (f64::from(size) / f64::from(FINEST));
+        let k = GAMMA * part_s;
+        let (first, force) = step.solve(&now, now, k);
+        // Stage 2 starts from y0 + (1 - gamma) h f(y1) with f(y1) = (y1 - y0) / (gamma h).
+        let base = extrapolated(&now, &first, (1.0 - GAMMA) / GAMMA);
+        let guess = extrapolated(&now, &first, 1.0 / GAMMA);
+        let (second, _) = step.solve(&base, guess, k);
+        parts += 1;
+        let error = step.error(&now, &first, &second, force, k);
+        if error > 1.0 && size > 1 {
+            size = if error > 16.0 && size > 3 { size / 4 } else { size / 2 };
+            continue;
+        }
+        finish(state, &now, &first, &second, part_s);
+        now = second;
+        at += size;
+        if at < FINEST {
+            step.set_loads(state);
+            if error < 0.1 && at.is_multiple_of(2 * size) {
+                size *= 2;
+            }
+        }
+    }
+    settle(model, state, &now);
+    parts
 }
 
 #[inline(always)]
@@ -110,19 +134,26 @@ fn extrapolated<const N: usize>(start: &Stage<N>, first: &Stage<N>, factor: f64)
     out
 }
 
-/// Writes the end of the step: velocities, pose along the mean twist, wheel angles, currents, acceleration.
+/// Moves pose and wheel angles through one part of a step; the acceleration that the contact forces give at its end
+/// loads the wheels in the next part.
 #[inline(always)]
-fn finish<const N: usize>(model: &Model, state: &mut BodyState, first: &Stage<N>, second: &Stage<N>, period_s: f64) {
+fn finish<const N: usize>(state: &mut BodyState, start: &Stage<N>, first: &Stage<N>, second: &Stage<N>, part_s: f64) {
     let mean = |a: f64, b: f64| (1.0 - GAMMA) * a + GAMMA * b;
-    let turning_x = mean(first.z[2] * first.z[1], second.z[2] * second.z[1]);
-    let turning_y = mean(first.z[2] * first.z[0], second.z[2] * second.z[0]);
-    state.accel_x = (second.z[0] - state.u) / period_s - turning_x;
-    state.accel_y = (second.z[1] - state.v) / period_s + turning_y;
-    move_pose(state, mean(first.z[0], second.z[0]), mean(first.z[1], second.z[1]), mean(first.z[2], second.z[2]), period_s);
-    [state.u, state.v, state.r] = second.z;
+    let end_rate = |j: usize| (second.z[j] - start.z[j] - (1.0 - GAMMA) / GAMMA * (first.z[j] - start.z[j])) / (GAMMA * part_s);
+    state.accel_x = end_rate(0) - second.z[2] * second.z[1];
+    state.accel_y = end_rate(1) + second.z[2] * second.z[0];
+    move_pose(state, mean(first.z[0], second.z[0]), mean(first.z[1], second.z[1]), mean(first.z[2], second.z[2]), part_s);
     for i in 0..N {
-        state.angle[i] += period_s * mean(first.wheel[i], second.wheel[i]);
-        state.wheel[i] = second.wheel[i];
+        state.angle[i] += part_s * mean(first.wheel[i], second.wheel[i]);
+    }
+}
+
+/// Writes velocities and currents at the end of the step.
+#[inline(always)]
+fn settle<const N: usize>(model: &Model, state: &mut BodyState, end: &Stage<N>) {
+    [state.u, state.v, state.r] = end.z;
+    for i in 0..N {
+        state.wheel[i] = end.wheel[i];
         if let Some(motor) = &model.motor {
             state.current[i] = model.powered[i] * motor.current_a(state.voltage[i], state.wheel[i]);
         }
@@ -145,9 +176,46 @@ pub(crate) fn move_pose(state: &mut BodyState, u: f64, v: f64, r: f64, period_s:
 }
 
 impl<const N: usize> Step<'_, N> {
-    /// Solves y = base + k f(y) from a first guess.
+    /// Normal loads at the acceleration of the part before.
     #[inline(always)]
-    fn solve(&mut self, base: &Stage<N>, guess: Stage<N>, k: f64) -> Stage<N> {
+    fn set_loads(&mut self, state: &BodyState) {
+        let loads = self.model.load.loads_n(state.accel_x, state.accel_y);
+        for i in 0..N {
+            let present = if i < self.model.lanes { self.model.floor_friction / SLIP_SCALE_M_PER_S } else { 0.0 };
+            self.grip[i] = present * loads[i];
+        }
+    }
+
+    /// Change of the derivatives between the start and the two stages, times gamma h, over what is allowed.
+    ///
+    /// `force` is the sum of the contact forces at the start; without it a slip that flips within the first stage would
+    /// not be seen.
+    #[inline(always)]
+    fn error(&self, start: &Stage<N>, first: &Stage<N>, second: &Stage<N>, force: [f64; 3], k: f64) -> f64 {
+        let m = self.model;
+        let [u, v, r] = start.z;
+        let begin = [k * (force[0] / m.mass_kg + r * v), k * (force[1] / m.mass_kg - r * u), k * force[2] / m.yaw_inertia_kg_m2];
+        let scale = [1.0, 1.0, m.lever_m];
+        let mut body = 0.0_f64;
+        for j in 0..3 {
+            let one = first.z[j] - start.z[j];
+            // z2 = z0 + (1 - gamma) h f1 + gamma h f2
+            let two = second.z[j] - start.z[j] - (1.0 - GAMMA) / GAMMA * one;
+            let change = scale[j] * (one - begin[j]).abs().max((two - one).abs());
+            body = if change > body { change } else { body };
+        }
+        let mut rim = 0.0_f64;
+        for i in 0..N {
+            let one = first.wheel[i] - start.wheel[i];
+            let change = m.radius_m[i] * (second.wheel[i] - start.wheel[i] - one / GAMMA).abs();
+            rim = if change > rim { change } else { rim };
+        }
+        (body / BODY_TOLERANCE_M_PER_S).max(rim / RIM_TOLERANCE_M_PER_S)
+    }
+
+    /// Solves y = base + k f(y) from a first guess; also gives the sum of the contact forces at the guess.
+    #[inline(always)]
+    fn solve(&self, base: &Stage<N>, guess: Stage<N>, k: f64) -> (Stage<N>, [f64; 3]) {
         let mut y = guess;
         for i in 0..N {
             // Wheels without a motor model keep the commanded speed exactly.
@@ -156,20 +224,24 @@ impl<const N: usize> Step<'_, N> {
             }
         }
         let mut moved = [0.0_f64; N];
-        for iteration in 1..=MAX_ITERATIONS {
+        let mut force = [0.0; 3];
+        for iteration in 0..MAX_ITERATIONS {
             let tangent = moved.map(|slip| if slip < NEWTON_RANGE_M_PER_S { 1.0 } else { 0.0 });
-            let largest = self.iterate(base, &mut y, k, &tangent, &mut moved);
-            self.iterations = self.iterations.max(iteration);
+            let (largest, now) = self.iterate(base, &mut y, k, &tangent, &mut moved);
+            if iteration == 0 {
+                force = now;
+            }
             if largest < TOLERANCE_M_PER_S {
                 break;
             }
         }
-        y
+        (y, force)
     }
 
-    /// One Newton (tangent 1) or secant (tangent 0) iteration; returns the largest change of a slip, m/s.
+    /// One Newton (tangent 1) or secant (tangent 0) iteration; returns the largest change of a slip, m/s, and the
+    /// sum of the contact forces before it.
     #[inline(always)]
-    fn iterate(&self, base: &Stage<N>, y: &mut Stage<N>, k: f64, tangent: &[f64; N], moved: &mut [f64; N]) -> f64 {
+    fn iterate(&self, base: &Stage<N>, y: &mut Stage<N>, k: f64, tangent: &[f64; N], moved: &mut [f64; N]) -> (f64, [f64; 3]) {
         let (m, g) = (self.model, self.geometry);
         let [u, v, r] = y.z;
         let mut sums = Sums::default();
@@ -236,7 +308,7 @@ impl<const N: usize> Step<'_, N> {
         for j in 0..3 {
             y.z[j] += dz[j];
         }
-        largest
+        (largest, sums.force)
     }
 
     /// Torque on the wheel but for the contact, N m, and minus its slope over the wheel speed, N m s.

@@ -37,6 +37,8 @@ pub(crate) struct Model {
     pub(crate) wheel_of_lane: [usize; MAX_WHEELS],
     pub(crate) mass_kg: f64,
     pub(crate) yaw_inertia_kg_m2: f64,
+    /// Radius of gyration of the yaw inertia, m.
+    pub(crate) lever_m: f64,
     pub(crate) floor_friction: f64,
     pub(crate) load: LoadModel,
     /// At steering angle zero.
@@ -70,6 +72,7 @@ impl Model {
             wheel_of_lane: [0; MAX_WHEELS],
             mass_kg: robot.mass_kg,
             yaw_inertia_kg_m2: robot.yaw_inertia_kg_m2,
+            lever_m: (robot.yaw_inertia_kg_m2 / robot.mass_kg).sqrt(),
             floor_friction: robot.floor_friction,
             load: LoadModel::new(&positions, robot.mass_kg, robot.com_height_m),
             geometry: Geometry { cos: [1.0; MAX_WHEELS], sin: zero, arm_along_m: zero, arm_across_m: zero },
