@@ -3,7 +3,7 @@
 use crate::error::{Result, StoreError};
 use crate::listen::Listener;
 use sqlx::postgres::{PgConnectOptions, PgPool, PgPoolOptions};
-use sqlx::{ConnectOptions, Connection};
+use sqlx::ConnectOptions;
 use std::str::FromStr;
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
@@ -67,10 +67,11 @@ impl Store {
 
     /// Brings the schema up to date; several processes may call it at once.
     pub async fn migrate(&self) -> Result<()> {
-        let mut connection = sqlx::PgConnection::connect_with(&self.patient).await?;
-        sqlx::migrate!("../migrations").run(&mut connection).await.map_err(StoreError::Migration)?;
-        connection.close().await?;
-        Ok(())
+        // Apart from the pool: waiting for another process' migration may take longer than a statement should.
+        let pool = PgPoolOptions::new().max_connections(1).connect_with((*self.patient).clone()).await?;
+        let migrated = sqlx::migrate!("../migrations").run(&pool).await;
+        pool.close().await;
+        migrated.map_err(StoreError::Migration)
     }
 
     /// True answer to "is the database there now".

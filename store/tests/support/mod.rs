@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use sqlx::postgres::{PgConnectOptions, PgConnection, PgRow};
 use sqlx::{AssertSqlSafe, ConnectOptions, Connection};
 
-const START_LIMIT: Duration = Duration::from_secs(60);
+const START_LIMIT: Duration = Duration::from_secs(20);
 
 /// An empty database of its own.
 pub struct TestDatabase {
@@ -116,7 +116,8 @@ impl Cluster {
         let settings = ["-c", "listen_addresses=", "-c", "shared_buffers=16MB", "-c", "max_connections=60", "-c", "fsync=on"];
         let log = std::fs::File::create(self.folder.join("log")).expect("the log can be made");
         let server = as_server_user("postgres")
-            .args(["-D", "data", "-k", "."])
+            .args(["-D", "data", "-k"])
+            .arg(&self.folder)
             .args(settings)
             .current_dir(&self.folder)
             .stdout(Stdio::null())

@@ -1,0 +1,17 @@
+//! Behaviour of the store on a real PostgreSQL.
+
+#[path = "../support/mod.rs"]
+mod support;
+
+mod cancel;
+mod claim;
+mod fence;
+mod fixture;
+mod identity;
+mod job;
+mod laboratory;
+mod listen;
+mod reap;
+mod submit;
+mod terminal;
+mod waiting;
