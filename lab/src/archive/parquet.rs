@@ -124,7 +124,7 @@ impl TelemetryTable {
             Record::Telemetry(telemetry) if telemetry.robot == self.robot => self.take_telemetry(telemetry),
             _ => return Ok(()),
         }
-        self.settle(self.newest_us - REORDER_US)
+        self.settle(self.newest_us.saturating_sub(REORDER_US))
     }
 
     fn seconds(&self, at_us: i64) -> f64 {
