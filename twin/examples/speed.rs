@@ -15,7 +15,7 @@ mod support;
 
 fn world(description: &RobotDescription, count: usize) -> World {
     let side = (count as f64).sqrt().ceil();
-    let spacing = (990.0 / side).min(40.0);
+    let spacing = (990.0 / (side + 1.0)).min(40.0);
     let arena = Arena { width_m: (side + 1.0) * spacing, height_m: (side + 1.0) * spacing };
     let place = |i: usize| Pose { x_m: ((i as f64 % side) - 0.5 * (side - 1.0)) * spacing, y_m: ((i as f64 / side).floor() - 0.5 * (side - 1.0)) * spacing, yaw_rad: i as f64 };
     let robots = (0..count).map(|i| (Robot::new(description.clone()).expect("a good robot"), place(i), 0.25)).collect();

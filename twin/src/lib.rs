@@ -9,6 +9,7 @@ pub mod command;
 mod contact;
 pub mod digest;
 pub mod free;
+pub mod golden;
 mod kernel;
 mod kinematics;
 mod linear;
