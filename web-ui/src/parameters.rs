@@ -1,62 +1,29 @@
-//! Parameters of the control laws as sliders: keys, units, ranges and defaults.
+//! Parameters of the control laws as sliders; keys, units, ranges and defaults are the laws' own table.
 
 use api::experiment::Experiment;
+use control::law::{ParameterSpec, law_spec};
 
-/// One parameter of a law.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Spec {
-    /// Name in `control.parameters`.
-    pub key: &'static str,
-    /// For people.
-    pub title: &'static str,
-    /// Empty for a pure number.
-    pub unit: &'static str,
-    pub min: f64,
-    pub max: f64,
-    pub default: f64,
-    pub meaning: &'static str,
+/// The table of a law; empty for a law that is not known.
+pub fn specs(law: &str) -> &'static [ParameterSpec] {
+    law_spec(law).map_or(&[], |spec| spec.parameters)
 }
 
-const SPEED: Spec = Spec { key: "speed_m_per_s", title: "Speed", unit: "m/s", min: 0.05, max: 0.7, default: 0.4, meaning: "Largest speed of the robot along its way." };
-const REACH_RADIUS: Spec = Spec { key: "reach_radius_m", title: "Reach radius", unit: "m", min: 0.005, max: 0.5, default: 0.03, meaning: "A target counts as reached when the robot is this close." };
-const YAW_GAIN: Spec = Spec { key: "yaw_gain_per_s", title: "Yaw gain", unit: "1/s", min: 0.1, max: 8.0, default: 3.0, meaning: "Yaw rate for each radian of heading error." };
-
-const WAYPOINTS: &[Spec] = &[
-    Spec { key: "epsilon_p", title: "Reference step \u{03b5}", unit: "", min: 0.001, max: 0.2, default: 0.02, meaning: "Share of its way to the waypoint that the reference point moves in one tick." },
-    SPEED,
-    Spec { key: "tracking_gain_per_s", title: "Tracking gain", unit: "1/s", min: 0.2, max: 8.0, default: 3.0, meaning: "Speed for each metre between robot and reference point." },
-    YAW_GAIN,
-    REACH_RADIUS,
-    Spec { key: "look_ahead_m", title: "Look-ahead", unit: "m", min: 0.05, max: 1.0, default: 0.15, meaning: "How far ahead of the reference point a robot that cannot move sideways aims." },
-];
-
-const GO_TO_POINT: &[Spec] = &[
-    SPEED,
-    Spec { key: "goal_gain_per_s", title: "Goal gain", unit: "1/s", min: 0.1, max: 5.0, default: 1.5, meaning: "Speed for each metre between robot and goal." },
-    YAW_GAIN,
-    REACH_RADIUS,
-    Spec { key: "keep_right", title: "Keep right", unit: "", min: 0.0, max: 3.0, default: 1.5, meaning: "How strongly a robot swerves to the right of another one in its way; 0 switches it off." },
-];
-
-/// The table of a law; empty for a law that is not known here.
-pub fn specs(law: &str) -> &'static [Spec] {
-    match law {
-        "waypoints" => WAYPOINTS,
-        "go_to_point" => GO_TO_POINT,
-        _ => &[],
-    }
-}
-
+/// What a law does, in one line.
 pub fn law_title(law: &str) -> &'static str {
-    match law {
-        "waypoints" => "Waypoints: a reference point is pulled to the active waypoint and the robot follows it.",
-        "go_to_point" => "Go to point: every robot drives to its own goal, keeping right of the others.",
-        _ => "",
-    }
+    law_spec(law).map_or("", |spec| spec.title)
+}
+
+/// The name beside the slider: the key without its unit, in words.
+pub fn title(spec: &ParameterSpec) -> String {
+    let units = ["_rad_per_s", "_m_per_s2", "_m_per_s", "_per_s", "_rad", "_m", "_s"];
+    let bare = units.into_iter().find_map(|unit| spec.key.strip_suffix(unit)).unwrap_or(spec.key);
+    let bare = bare.replace("epsilon_p", "reference step").replace('_', " ");
+    let mut letters = bare.chars();
+    letters.next().map_or_else(String::new, |c| c.to_uppercase().collect::<String>() + letters.as_str())
 }
 
 /// The value in the document, or the default where it says nothing.
-pub fn value(experiment: &Experiment, spec: &Spec) -> f64 {
+pub fn value(experiment: &Experiment, spec: &ParameterSpec) -> f64 {
     experiment.control.parameters.get(spec.key).and_then(serde_json::Value::as_f64).unwrap_or(spec.default)
 }
 
@@ -72,5 +39,33 @@ pub fn set(experiment: &mut Experiment, key: &str, value: f64) {
         entries.remove(key);
     } else {
         entries.insert(key.to_owned(), serde_json::json!(value));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::state::Template;
+
+    #[test]
+    fn the_default_leaves_no_trace_and_values_stay_in_range() {
+        let mut experiment = Template::RectangleOmni4.experiment();
+        set(&mut experiment, "speed_m_per_s", 99.0);
+        let spec = specs("waypoints").iter().find(|s| s.key == "speed_m_per_s").expect("the law has a speed");
+        assert_eq!(value(&experiment, spec), spec.max);
+        set(&mut experiment, "speed_m_per_s", spec.default);
+        assert_eq!(experiment.control.parameters, serde_json::json!({}));
+        set(&mut experiment, "no_such_thing", 1.0);
+        assert_eq!(experiment.control.parameters, serde_json::json!({}));
+    }
+
+    #[test]
+    fn every_template_has_a_law_with_named_parameters() {
+        for template in Template::ALL {
+            let experiment = template.experiment();
+            let specs = specs(&experiment.control.law);
+            assert!(!specs.is_empty() && !law_title(&experiment.control.law).is_empty());
+            assert!(specs.iter().all(|s| !title(s).contains('_') && !title(s).ends_with(" m")), "{template:?}");
+        }
     }
 }

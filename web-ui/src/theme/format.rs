@@ -115,7 +115,7 @@ mod tests {
     #[test]
     fn times_are_said_relative_to_now() {
         let now = DateTime::from_timestamp(1_000_000, 0).expect("valid");
-        let at = |offset_s| relative(DateTime::from_timestamp(1_000_000 + offset_s, 0).expect("valid"), now);
+        let at = |offset_s: i64| relative(DateTime::from_timestamp(1_000_000 + offset_s, 0).expect("valid"), now);
         assert_eq!([at(2), at(42), at(-300), at(7_300)], ["now", "in 42 s", "5 min ago", "in 2 h"]);
     }
 }

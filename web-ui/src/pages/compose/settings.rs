@@ -91,7 +91,7 @@ fn law(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) {
     for spec in parameters::specs(&experiment.control.law) {
         let mut value = parameters::value(experiment, spec);
         let hint = format!("{} Range {} to {} {}, usually {}.", spec.meaning, spec.min, spec.max, spec.unit, spec.default);
-        row(ui, palette, spec.title, &hint, |ui| {
+        row(ui, palette, &parameters::title(spec), &hint, |ui| {
             ui.spacing_mut().slider_width = 104.0;
             let suffix = if spec.unit.is_empty() { String::new() } else { format!(" {}", spec.unit) };
             let slider = Slider::new(&mut value, spec.min..=spec.max).suffix(suffix).max_decimals(3).logarithmic(spec.min > 0.0 && spec.max / spec.min > 50.0);
