@@ -18,7 +18,7 @@ pub struct Config {
     #[arg(long, env = "ROBOPHEUS_LAB")]
     pub lab: PathBuf,
     /// Keys of the robot link by robot number.
-    #[arg(long, env = "ROBOPHEUS_LINK_KEYS")]
+    #[arg(long, env = "ROBOPHEUS_KEYS")]
     pub keys: PathBuf,
     /// Folder for everything that must survive a restart.
     #[arg(long, env = "ROBOPHEUS_DATA")]

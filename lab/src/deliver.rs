@@ -64,12 +64,13 @@ pub async fn build_archive(folder: &Path) -> Result<Manifest> {
     spawn_blocking(move || archive::build(&folder, &folder.join("archive"))).await?.context("build the archive")
 }
 
-/// Sends all files, the manifest last.
+/// Sends all files, the page's track among them, the manifest last.
 pub async fn upload_all(lab: &Lab, attempt: &Attempt, manifest: &Manifest, give_up: impl Fn() -> bool) -> Result<()> {
     let folder = attempt.folder.join("archive");
     let own = folder.clone();
-    let last = spawn_blocking(move || manifest::describe(&own, manifest::FILE_NAME)).await??;
-    for file in manifest.files.iter().chain([&last]) {
+    let describe = move || [archive::track::FILE_NAME, manifest::FILE_NAME].map(|name| manifest::describe(&own, name));
+    let [track, last] = spawn_blocking(describe).await?;
+    for file in manifest.files.iter().chain([&track?, &last?]) {
         let path = folder.join(&file.name);
         let upload =
             Upload { run_id: attempt.run_id, epoch: attempt.epoch, name: &file.name, path: &path, sha256: &file.sha256 };

@@ -23,8 +23,10 @@ use twin::twist::BodyTwist;
 /// Stop frames at the end: at least 0.3 s, then until the wheels rest, at most 1.5 s.
 const STOP_TICKS_LEAST: i64 = 36;
 const STOP_TICKS_MOST: i64 = 180;
-/// Wheels slower than this are at rest; four standard deviations of the encoders' speed noise.
-const REST_RAD_PER_S: f64 = 0.2;
+/// A robot is at rest when no wheel has turned further than this ...
+const REST_TURN_RAD: f64 = 0.02;
+/// ... for this long. Angles, not speeds: a motor may chatter in the backlash of its gear while the wheel stands.
+const REST_SPAN_US: i64 = 100_000;
 /// Time from the start of the thread to the first tick.
 const LEAD_NS: i64 = 20_000_000;
 /// Telemetry further apart than this says nothing about the travel between.
@@ -49,6 +51,8 @@ pub struct LoopRobot {
     pub track: PoseTrack,
     /// Newest telemetry; the run starts with a fresh one.
     pub telemetry: Telemetry,
+    /// The last telemetry before which a wheel had turned noticeably.
+    pub turned: Telemetry,
     pub wheel_radius_m: f64,
     /// Kinds of disbelieved poses that were logged already.
     pub logged: [bool; 2],
@@ -180,6 +184,7 @@ impl ControlLoop {
             let of_run = |robot: &&mut LoopRobot| robot.port.robot().number == telemetry.robot;
             let Some(robot) = self.setup.robots.iter_mut().find(of_run) else { continue };
             robot.note_travel(&telemetry);
+            robot.note_turn(&telemetry);
             robot.telemetry = telemetry;
             self.setup.recorder.push(Record::Telemetry(telemetry));
         }
@@ -252,8 +257,8 @@ impl ControlLoop {
     }
 
     fn at_rest(&self) -> bool {
-        let turns = |robot: &LoopRobot| robot.telemetry.wheel_rad_per_s.iter().any(|speed| speed.abs() > REST_RAD_PER_S);
-        !self.setup.robots.iter().any(turns)
+        let rests = |robot: &LoopRobot| robot.telemetry.sample_us - robot.turned.sample_us >= REST_SPAN_US;
+        self.setup.robots.iter().all(rests)
     }
 }
 
@@ -273,6 +278,13 @@ impl LoopRobot {
         }
         let fastest = telemetry.wheel_rad_per_s.iter().fold(0.0, |fastest: f64, speed| fastest.max(speed.abs()));
         self.track.wheels_travelled(fastest * self.wheel_radius_m * elapsed_s);
+    }
+
+    fn note_turn(&mut self, telemetry: &Telemetry) {
+        let mut wheels = telemetry.wheel_rad.iter().zip(&self.turned.wheel_rad);
+        if wheels.any(|(now, before)| (now - before).abs() > REST_TURN_RAD) {
+            self.turned = *telemetry;
+        }
     }
 
     fn log_disbelief(&mut self, belief: Belief, recorder: &RecorderHandle) {

@@ -246,7 +246,7 @@ fn loop_robots(lab: &Lab, ports: Vec<HeldPort>, limits: &[RobotLimits]) -> Resul
         let telemetry = port.robot().newest()?;
         let mut track = PoseTrack::new(limits.motion);
         track.observe(PoseSample { exposure_us: monotonic_us() - age_us, x_m: pose.x_m, y_m: pose.y_m, yaw_rad: pose.yaw_rad });
-        Some(LoopRobot { port, track, telemetry, wheel_radius_m: limits.wheel_radius_m, logged: [false; 2] })
+        Some(LoopRobot { port, track, telemetry, turned: telemetry, wheel_radius_m: limits.wheel_radius_m, logged: [false; 2] })
     });
     made.collect::<Option<_>>().ok_or_else(gone)
 }

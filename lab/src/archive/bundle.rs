@@ -4,6 +4,7 @@ use super::manifest::{self, FileEntry, Manifest, TickJitter};
 use super::mcap::{McapFile, WallClock};
 use super::parquet::TelemetryTable;
 use super::punctuality::Punctuality;
+use super::track::{self, Track};
 use crate::journal::JournalReader;
 use crate::record::{End, LogLevel, Record, Start};
 use chrono::{DateTime, SecondsFormat, Utc};
@@ -90,6 +91,7 @@ struct Files {
     mcap: McapFile,
     log: BufWriter<File>,
     tables: Vec<TelemetryTable>,
+    track: Option<Track>,
     punctuality: Punctuality,
 }
 
@@ -107,11 +109,13 @@ impl Files {
             folder: folder.to_owned(),
             clock,
             tables: Vec::new(),
+            track: None,
             punctuality: Punctuality::default(),
         })
     }
 
     fn open_tables(&mut self, start: &Start, start_us: i64) -> Result<(), ArchiveError> {
+        self.track = Some(Track::new(&start.assignment.robots, start_us));
         for robot in &start.assignment.robots {
             let name = &robot.description.name;
             let place = format!("robots/{name}");
@@ -139,6 +143,9 @@ impl Files {
         for table in &mut self.tables {
             table.take(record)?;
         }
+        if let Some(track) = &mut self.track {
+            track.take(record);
+        }
         if let Record::Log(line) = record {
             let level = match line.level {
                 LogLevel::Info => "info",
@@ -164,6 +171,9 @@ impl Files {
         self.mcap.finish()?;
         for table in self.tables {
             table.finish()?;
+        }
+        if let Some(track) = self.track {
+            crate::durable::write(&self.folder.join(track::FILE_NAME), &serde_json::to_vec(&track.finish())?)?;
         }
         let describe = |name: &String| -> io::Result<FileEntry> {
             File::open(self.folder.join(name))?.sync_all()?;
@@ -211,13 +221,14 @@ fn write_jitter(log: &mut impl Write, recorded: i64, missed: i64, jitter: &TickJ
     writeln!(log, "ticks: {recorded} recorded, {missed} missed, {} bunched (< 4 ms apart)", jitter.bunched)?;
     writeln!(
         log,
-        "loop lateness: p50 {:.3} ms, p99 {:.3} ms, max {:.3} ms; work of a tick p99 {:.3} ms; plain 8.33 ms sleeps on this machine late by p50 {:.3} ms, p99 {:.3} ms ({} samples)",
+        "loop lateness: p50 {:.3} ms, p99 {:.3} ms, max {:.3} ms; work of a tick p99 {:.3} ms; plain 8.33 ms sleeps on this machine late by p50 {:.3} ms, p99 {:.3} ms, max {:.3} ms ({} samples)",
         jitter.late_p50_ms,
         jitter.late_p99_ms,
         jitter.late_max_ms,
         jitter.work_p99_ms,
         jitter.sleep_late_p50_ms,
         jitter.sleep_late_p99_ms,
+        jitter.sleep_late_max_ms,
         jitter.sleep_samples,
     )
 }

@@ -57,6 +57,7 @@ pub struct TickJitter {
     pub sleep_samples: u64,
     pub sleep_late_p50_ms: f64,
     pub sleep_late_p99_ms: f64,
+    pub sleep_late_max_ms: f64,
     pub realtime: Option<Realtime>,
 }
 

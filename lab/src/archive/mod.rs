@@ -6,6 +6,7 @@ pub mod manifest;
 pub mod mcap;
 pub mod parquet;
 mod punctuality;
+pub mod track;
 
 pub use bundle::{ArchiveError, build};
 pub use manifest::{FileEntry, Manifest};

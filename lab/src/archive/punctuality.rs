@@ -55,6 +55,7 @@ impl Punctuality {
             sleep_samples: self.sleep_us.len() as u64,
             sleep_late_p50_ms: quantile_ms(&mut self.sleep_us, 0.5),
             sleep_late_p99_ms: quantile_ms(&mut self.sleep_us, 0.99),
+            sleep_late_max_ms: quantile_ms(&mut self.sleep_us, 1.0),
             realtime: self.realtime,
         }
     }
