@@ -14,11 +14,24 @@ pub fn monotonic_us() -> i64 {
 }
 
 /// Sleeps until `deadline_us` of [`monotonic_us`], or shorter when a signal arrives.
-#[allow(unsafe_code, reason = "the standard library has no sleep to an absolute deadline on this clock")]
+#[allow(
+    unsafe_code,
+    reason = "the standard library has no sleep to an absolute deadline on this clock"
+)]
 pub fn sleep_until(deadline_us: i64) {
-    let deadline = libc::timespec { tv_sec: deadline_us.div_euclid(1_000_000), tv_nsec: deadline_us.rem_euclid(1_000_000) * 1000 };
+    let deadline = libc::timespec {
+        tv_sec: deadline_us.div_euclid(1_000_000),
+        tv_nsec: deadline_us.rem_euclid(1_000_000) * 1000,
+    };
     // SAFETY: `deadline` is a valid timespec, and a null remainder is allowed.
-    unsafe { libc::clock_nanosleep(libc::CLOCK_MONOTONIC, libc::TIMER_ABSTIME, &raw const deadline, std::ptr::null_mut()) };
+    unsafe {
+        libc::clock_nanosleep(
+            libc::CLOCK_MONOTONIC,
+            libc::TIMER_ABSTIME,
+            &raw const deadline,
+            std::ptr::null_mut(),
+        )
+    };
 }
 
 /// Makes SIGTERM and SIGINT set the flag that [`end_requested`] reads.

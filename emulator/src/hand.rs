@@ -41,14 +41,20 @@ struct Caller {
 
 impl Hand {
     pub fn listen(path: &Path) -> std::io::Result<Self> {
-        Ok(Self { socket: SocketFile::listen(path)?, callers: Vec::new() })
+        Ok(Self {
+            socket: SocketFile::listen(path)?,
+            callers: Vec::new(),
+        })
     }
 
     /// Carries out the requests that have come in.
     pub fn poll(&mut self, laboratory: &mut Laboratory) {
         while let Some(stream) = self.socket.accept() {
             if self.callers.len() < MAX_CALLERS {
-                self.callers.push(Caller { stream, received: Vec::new() });
+                self.callers.push(Caller {
+                    stream,
+                    received: Vec::new(),
+                });
             }
         }
         self.callers.retain_mut(|caller| caller.serve(laboratory));
@@ -90,7 +96,10 @@ pub fn answer(line: &[u8], laboratory: &mut Laboratory) -> Vec<u8> {
     if let Err(error) = &outcome {
         tracing::warn!(error, "hand request refused");
     }
-    let reply = Reply { ok: outcome.is_ok(), error: outcome.err() };
+    let reply = Reply {
+        ok: outcome.is_ok(),
+        error: outcome.err(),
+    };
     serde_json::to_vec(&reply).unwrap_or_else(|_| br#"{"ok":false}"#.to_vec())
 }
 

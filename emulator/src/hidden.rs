@@ -33,14 +33,27 @@ impl Hidden {
     }
 
     pub fn read(path: &Path) -> Result<Self, HiddenError> {
-        let text = std::fs::read_to_string(path).map_err(|source| HiddenError::Read { path: path.display().to_string(), source })?;
+        let text = std::fs::read_to_string(path).map_err(|source| HiddenError::Read {
+            path: path.display().to_string(),
+            source,
+        })?;
         Self::parse(&text)
     }
 
     /// Every hidden effect at its neutral value: what is left is the difference of the equations.
     pub fn neutral() -> Self {
-        let run_variation = RunVariation { friction: 0.0, mass: 0.0, torque_constant: 0.0, battery_charge: 0.0 };
-        Self { format: "robopheus.plant/1".to_owned(), floors: BTreeMap::new(), robots: BTreeMap::new(), run_variation }
+        let run_variation = RunVariation {
+            friction: 0.0,
+            mass: 0.0,
+            torque_constant: 0.0,
+            battery_charge: 0.0,
+        };
+        Self {
+            format: "robopheus.plant/1".to_owned(),
+            floors: BTreeMap::new(),
+            robots: BTreeMap::new(),
+            run_variation,
+        }
     }
 
     /// A floor that is not listed is neutral.
@@ -55,7 +68,11 @@ impl Hidden {
 
     fn parse(text: &str) -> Result<Self, HiddenError> {
         let hidden: Self = serde_json::from_str(text)?;
-        if hidden.format == "robopheus.plant/1" { Ok(hidden) } else { Err(HiddenError::Format { found: hidden.format }) }
+        if hidden.format == "robopheus.plant/1" {
+            Ok(hidden)
+        } else {
+            Err(HiddenError::Format { found: hidden.format })
+        }
     }
 }
 
@@ -92,7 +109,12 @@ pub struct FrictionPatch {
 
 impl Default for HiddenFloor {
     fn default() -> Self {
-        Self { friction_scale: 1.0, patches: Vec::new(), slope: [0.0; 2], rolling_resistance: 0.0 }
+        Self {
+            friction_scale: 1.0,
+            patches: Vec::new(),
+            slope: [0.0; 2],
+            rolling_resistance: 0.0,
+        }
     }
 }
 

@@ -32,10 +32,12 @@ impl Keys {
 
     pub fn parse(text: &str) -> Result<Self, KeyError> {
         let entries: BTreeMap<String, String> = serde_json::from_str(text)?;
-        let parsed = entries.into_iter().map(|(number, digits)| match (number.parse(), Key::from_hex(&digits)) {
-            (Ok(number @ 1..=250), Some(key)) => Ok((number, key)),
-            _ => Err(KeyError::Malformed(number)),
-        });
+        let parsed = entries
+            .into_iter()
+            .map(|(number, digits)| match (number.parse(), Key::from_hex(&digits)) {
+                (Ok(number @ 1..=250), Some(key)) => Ok((number, key)),
+                _ => Err(KeyError::Malformed(number)),
+            });
         Ok(Self(parsed.collect::<Result<_, _>>()?))
     }
 }
@@ -57,7 +59,11 @@ pub fn make_keys(path: &Path, numbers: impl Iterator<Item = u8>) -> Result<bool,
     }
     let mut part = path.as_os_str().to_owned();
     part.push(format!(".{}.part", std::process::id()));
-    let mut file = OpenOptions::new().write(true).create_new(true).mode(0o600).open(&part)?;
+    let mut file = OpenOptions::new()
+        .write(true)
+        .create_new(true)
+        .mode(0o600)
+        .open(&part)?;
     file.write_all(serde_json::to_string_pretty(&entries)?.as_bytes())?;
     file.sync_all()?;
     // A link fails when somebody else made the file meanwhile, where a rename would replace it.

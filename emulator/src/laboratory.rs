@@ -34,7 +34,11 @@ pub enum HandError {
     #[error("robots {0} and {1} would overlap")]
     Overlap(u8, u8),
     #[error("{name} {value} is outside {range}")]
-    Parameter { name: &'static str, value: f64, range: &'static str },
+    Parameter {
+        name: &'static str,
+        value: f64,
+        range: &'static str,
+    },
     #[error(transparent)]
     Body(#[from] BodyError),
 }
@@ -67,11 +71,22 @@ impl Laboratory {
             if units.iter().any(|unit| unit.robot().number == robot.number) {
                 return Err(LaboratoryError::NumberTwice(robot.number));
             }
-            let key = keys.get(robot.number).ok_or(LaboratoryError::KeyMissing(robot.number))?;
+            let key = keys
+                .get(robot.number)
+                .ok_or(LaboratoryError::KeyMissing(robot.number))?;
             units.push(Unit::new(robot, key, &hidden, seed)?);
         }
-        let arena = Arena { width_m: description.arena.width_m, height_m: description.arena.height_m, floor: hidden.floor(&description.arena.floor) };
-        Ok(Self { units, arena, hidden, tracker: TrackerModel::new(Noise::new(seed, u64::MAX)) })
+        let arena = Arena {
+            width_m: description.arena.width_m,
+            height_m: description.arena.height_m,
+            floor: hidden.floor(&description.arena.floor),
+        };
+        Ok(Self {
+            units,
+            arena,
+            hidden,
+            tracker: TrackerModel::new(Noise::new(seed, u64::MAX)),
+        })
     }
 
     pub fn units(&self) -> &[Unit] {
@@ -105,8 +120,18 @@ impl Laboratory {
     pub fn place(&mut self, placements: &[Placement]) -> Result<(), HandError> {
         self.check_placements(placements)?;
         for unit in &mut self.units {
-            match placements.iter().find(|placement| placement.number == unit.robot().number) {
-                Some(placement) => unit.place(Pose { x_m: placement.x_m, y_m: placement.y_m, yaw_rad: placement.yaw_rad }, &self.hidden)?,
+            match placements
+                .iter()
+                .find(|placement| placement.number == unit.robot().number)
+            {
+                Some(placement) => unit.place(
+                    Pose {
+                        x_m: placement.x_m,
+                        y_m: placement.y_m,
+                        yaw_rad: placement.yaw_rad,
+                    },
+                    &self.hidden,
+                )?,
                 None => unit.lift(),
             }
         }
@@ -114,11 +139,27 @@ impl Laboratory {
     }
 
     pub fn set_fault(&mut self, request: FaultRequest) -> Result<(), HandError> {
-        let unit = self.units.iter_mut().find(|unit| unit.robot().number == request.number).ok_or(HandError::Unknown(request.number))?;
+        let unit = self
+            .units
+            .iter_mut()
+            .find(|unit| unit.robot().number == request.number)
+            .ok_or(HandError::Unknown(request.number))?;
         match request.kind {
-            FaultKind::DropFrames { fraction } if !(0.0..=1.0).contains(&fraction) => Err(HandError::Parameter { name: "fraction", value: fraction, range: "0..=1" }),
-            FaultKind::LowBattery { charge } if !(0.0..=1.0).contains(&charge) => Err(HandError::Parameter { name: "charge", value: charge, range: "0..=1" }),
-            FaultKind::StuckWheel { wheel } if wheel >= robot::MAX_MOTORS => Err(HandError::Parameter { name: "wheel", value: wheel as f64, range: "0..4" }),
+            FaultKind::DropFrames { fraction } if !(0.0..=1.0).contains(&fraction) => Err(HandError::Parameter {
+                name: "fraction",
+                value: fraction,
+                range: "0..=1",
+            }),
+            FaultKind::LowBattery { charge } if !(0.0..=1.0).contains(&charge) => Err(HandError::Parameter {
+                name: "charge",
+                value: charge,
+                range: "0..=1",
+            }),
+            FaultKind::StuckWheel { wheel } if wheel >= robot::MAX_MOTORS => Err(HandError::Parameter {
+                name: "wheel",
+                value: wheel as f64,
+                range: "0..4",
+            }),
             kind => {
                 unit.set_fault(kind);
                 Ok(())
@@ -130,9 +171,14 @@ impl Laboratory {
         let mut standing: Vec<(&Placement, f64)> = Vec::with_capacity(placements.len());
         for placement in placements {
             let number = placement.number;
-            let unit = self.units.iter().find(|unit| unit.robot().number == number).ok_or(HandError::Unknown(number))?;
+            let unit = self
+                .units
+                .iter()
+                .find(|unit| unit.robot().number == number)
+                .ok_or(HandError::Unknown(number))?;
             let radius_m = unit.robot().bounding_radius_m;
-            let inside = placement.x_m.abs() <= self.arena.width_m / 2.0 - radius_m && placement.y_m.abs() <= self.arena.height_m / 2.0 - radius_m;
+            let inside = placement.x_m.abs() <= self.arena.width_m / 2.0 - radius_m
+                && placement.y_m.abs() <= self.arena.height_m / 2.0 - radius_m;
             if !inside || !placement.yaw_rad.is_finite() {
                 return Err(HandError::Outside(number));
             }

@@ -25,13 +25,23 @@ impl Link {
     /// Robot n listens on `base_port` + n.
     pub fn bind(address: IpAddr, base_port: u16, laboratory: &Laboratory) -> io::Result<Self> {
         let bind = |number: u8| {
-            let port = base_port.checked_add(u16::from(number)).ok_or_else(|| io::Error::other(format!("no UDP port {base_port} + {number}")))?;
+            let port = base_port
+                .checked_add(u16::from(number))
+                .ok_or_else(|| io::Error::other(format!("no UDP port {base_port} + {number}")))?;
             let place = SocketAddr::new(address, port);
-            let socket = UdpSocket::bind(place).map_err(|error| io::Error::new(error.kind(), format!("robot {number} on {place}: {error}")))?;
+            let socket = UdpSocket::bind(place)
+                .map_err(|error| io::Error::new(error.kind(), format!("robot {number} on {place}: {error}")))?;
             socket.set_nonblocking(true)?;
-            Ok(Port { socket, commander: None })
+            Ok(Port {
+                socket,
+                commander: None,
+            })
         };
-        let ports = laboratory.units().iter().map(|unit| bind(unit.robot().number)).collect::<io::Result<_>>()?;
+        let ports = laboratory
+            .units()
+            .iter()
+            .map(|unit| bind(unit.robot().number))
+            .collect::<io::Result<_>>()?;
         Ok(Self { ports })
     }
 
@@ -39,7 +49,9 @@ impl Link {
     pub fn receive(&mut self, laboratory: &mut Laboratory, clock_us: impl Fn() -> i64) {
         let mut buffer = [0; 512];
         for (index, port) in self.ports.iter_mut().enumerate() {
-            let Some(unit) = laboratory.unit_mut(index) else { continue };
+            let Some(unit) = laboratory.unit_mut(index) else {
+                continue;
+            };
             for _ in 0..MAX_FRAMES_PER_POLL {
                 let (length, sender) = match port.socket.recv_from(&mut buffer) {
                     Ok(received) => received,

@@ -53,9 +53,14 @@ struct Settings {
 fn main() -> anyhow::Result<()> {
     let settings = Settings::parse();
     let filter = tracing_subscriber::EnvFilter::try_from_default_env().unwrap_or_else(|_| "info".into());
-    tracing_subscriber::fmt().with_writer(std::io::stderr).with_env_filter(filter).init();
-    let text = std::fs::read_to_string(&settings.lab).with_context(|| format!("cannot read {}", settings.lab.display()))?;
-    let description: api::lab::LabDescription = serde_json::from_str(&text).with_context(|| format!("{} is not a laboratory's file", settings.lab.display()))?;
+    tracing_subscriber::fmt()
+        .with_writer(std::io::stderr)
+        .with_env_filter(filter)
+        .init();
+    let text =
+        std::fs::read_to_string(&settings.lab).with_context(|| format!("cannot read {}", settings.lab.display()))?;
+    let description: api::lab::LabDescription = serde_json::from_str(&text)
+        .with_context(|| format!("{} is not a laboratory's file", settings.lab.display()))?;
     if settings.make_keys && make_keys(&settings.keys, description.robots.iter().map(|robot| robot.number))? {
         tracing::info!(path = %settings.keys.display(), "link keys made");
     }
@@ -66,7 +71,11 @@ fn main() -> anyhow::Result<()> {
     let mut link = Link::bind(settings.bind, settings.robot_udp_base, &laboratory)?;
     let mut tracker = TrackerStream::listen(&settings.tracker, settings.seed)?;
     let mut hand = Hand::listen(&settings.hand)?;
-    tracing::info!(robots = description.robots.len(), udp_base = settings.robot_udp_base, "emulated laboratory is up");
+    tracing::info!(
+        robots = description.robots.len(),
+        udp_base = settings.robot_udp_base,
+        "emulated laboratory is up"
+    );
     run(&mut laboratory, &mut link, &mut tracker, &mut hand);
     tracing::info!("emulated laboratory ends");
     Ok(())
@@ -78,7 +87,11 @@ fn run(laboratory: &mut Laboratory, link: &mut Link, tracker: &mut TrackerStream
     let (mut start_us, mut done, mut pictures) = (clock::monotonic_us(), 0i64, 0u64);
     while !clock::end_requested() {
         // With nothing on the floor, four firmware steps at a time are fine enough.
-        let stride = if laboratory.is_floor_empty() { TICKS_PER_PICTURE as i64 } else { 1 };
+        let stride = if laboratory.is_floor_empty() {
+            TICKS_PER_PICTURE as i64
+        } else {
+            1
+        };
         clock::sleep_until(start_us + tick_us(done + stride));
         let now_us = clock::monotonic_us();
         link.receive(laboratory, clock::monotonic_us);

@@ -13,7 +13,10 @@ pub struct Noise {
 impl Noise {
     /// Streams of one seed are independent of each other.
     pub fn new(seed: u64, stream: u64) -> Self {
-        Self { generator: Pcg64Mcg::seed_from_u64(seed ^ stream.wrapping_mul(0x9E37_79B9_7F4A_7C15)), spare: None }
+        Self {
+            generator: Pcg64Mcg::seed_from_u64(seed ^ stream.wrapping_mul(0x9E37_79B9_7F4A_7C15)),
+            spare: None,
+        }
     }
 
     /// Uniform in 0..1.

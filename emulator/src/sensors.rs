@@ -41,7 +41,11 @@ impl SensorSet {
     /// Samples a robot. In the air its motors are without power and it shows only its battery.
     pub fn sample(&mut self, body: &Body, on_floor: bool) -> Sensors {
         let bus_v = body.battery.bus_v() + self.error(self.noise.bus_v);
-        let mut sensors = Sensors { bus_v, wheel_rad: self.wheel_offset_rad, ..Sensors::default() };
+        let mut sensors = Sensors {
+            bus_v,
+            wheel_rad: self.wheel_offset_rad,
+            ..Sensors::default()
+        };
         if !on_floor {
             return sensors;
         }
@@ -52,7 +56,8 @@ impl SensorSet {
             sensors.wheel_rad_per_s[i] = wheel.motor.speed_rad_per_s + self.error(self.noise.wheel_rad_per_s);
             sensors.current_a[i] = wheel.motor.current_a + self.error(self.noise.current_a);
         }
-        sensors.gyro_z_rad_per_s = body.yaw_rate_rad_per_s() + self.gyro_bias_rad_per_s + self.error(self.noise.gyro_rad_per_s);
+        sensors.gyro_z_rad_per_s =
+            body.yaw_rate_rad_per_s() + self.gyro_bias_rad_per_s + self.error(self.noise.gyro_rad_per_s);
         let specific_force = body.specific_force_m_per_s2();
         for (i, (filtered, now)) in self.accel_m_per_s2.iter_mut().zip(specific_force).enumerate() {
             *filtered += ACCEL_NEW_SHARE * (now - *filtered);

@@ -16,15 +16,24 @@ impl SocketFile {
     /// Listens without blocking. A file that nobody answers on is left over and replaced; one that somebody answers on is an error.
     pub fn listen(path: &Path) -> io::Result<Self> {
         match UnixStream::connect(path) {
-            Ok(_) => return Err(io::Error::new(ErrorKind::AddrInUse, format!("another process answers on {}", path.display()))),
+            Ok(_) => {
+                return Err(io::Error::new(
+                    ErrorKind::AddrInUse,
+                    format!("another process answers on {}", path.display()),
+                ));
+            }
             Err(error) if error.kind() == ErrorKind::ConnectionRefused => std::fs::remove_file(path)?,
             Err(error) if error.kind() == ErrorKind::NotFound => {}
             Err(error) => return Err(io::Error::new(error.kind(), format!("{}: {error}", path.display()))),
         }
-        let listener = UnixListener::bind(path).map_err(|error| io::Error::new(error.kind(), format!("{}: {error}", path.display())))?;
+        let listener = UnixListener::bind(path)
+            .map_err(|error| io::Error::new(error.kind(), format!("{}: {error}", path.display())))?;
         std::fs::set_permissions(path, PermissionsExt::from_mode(0o600))?;
         listener.set_nonblocking(true)?;
-        Ok(Self { listener, path: path.to_owned() })
+        Ok(Self {
+            listener,
+            path: path.to_owned(),
+        })
     }
 
     /// The next caller, if any waits.

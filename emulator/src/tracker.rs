@@ -47,7 +47,10 @@ pub struct TrackerModel {
 
 impl TrackerModel {
     pub fn new(random: Noise) -> Self {
-        Self { random, last: Vec::new() }
+        Self {
+            random,
+            last: Vec::new(),
+        }
     }
 
     /// Poses of the robots on the floor as a picture taken now shows them.
@@ -59,10 +62,15 @@ impl TrackerModel {
                 continue;
             }
             let robot = unit.robot();
-            let frozen = self.last.iter().find(|pose| unit.faults().tracker_frozen && pose.number == robot.number);
+            let frozen = self
+                .last
+                .iter()
+                .find(|pose| unit.faults().tracker_frozen && pose.number == robot.number);
             poses.push(frozen.copied().unwrap_or_else(|| {
                 let noise = robot.description.noise.clone().unwrap_or_default();
-                let (pose, mut error) = (body.pose(), |deviation: Option<f64>| deviation.unwrap_or(0.0) * self.random.normal());
+                let (pose, mut error) = (body.pose(), |deviation: Option<f64>| {
+                    deviation.unwrap_or(0.0) * self.random.normal()
+                });
                 TrackedPose {
                     number: robot.number,
                     x_m: pose.x_m + error(noise.pose_xy_m),
@@ -103,13 +111,28 @@ struct Reader {
 
 impl TrackerStream {
     pub fn listen(path: &Path, seed: u64) -> std::io::Result<Self> {
-        Ok(Self { socket: SocketFile::listen(path)?, readers: Vec::new(), on_their_way: VecDeque::new(), frames: 0, random: Noise::new(seed, u64::MAX - 1) })
+        Ok(Self {
+            socket: SocketFile::listen(path)?,
+            readers: Vec::new(),
+            on_their_way: VecDeque::new(),
+            frames: 0,
+            random: Noise::new(seed, u64::MAX - 1),
+        })
     }
 
     /// A picture was taken.
     pub fn expose(&mut self, exposure_us: i64, poses: Vec<TrackedPose>) {
         let due_us = exposure_us + (LATENCY_US + LATENCY_DEVIATION_US * self.random.normal()) as i64;
-        self.on_their_way.push_back((due_us, TrackerFrame { frame: self.frames, camera: "tracker".to_owned(), exposure_us, sent_us: 0, poses }));
+        self.on_their_way.push_back((
+            due_us,
+            TrackerFrame {
+                frame: self.frames,
+                camera: "tracker".to_owned(),
+                exposure_us,
+                sent_us: 0,
+                poses,
+            },
+        ));
         self.frames += 1;
     }
 
@@ -117,13 +140,20 @@ impl TrackerStream {
     pub fn poll(&mut self, now_us: i64) {
         while let Some(stream) = self.socket.accept() {
             if self.readers.len() < MAX_READERS {
-                self.readers.push(Reader { stream, backlog: Vec::new() });
+                self.readers.push(Reader {
+                    stream,
+                    backlog: Vec::new(),
+                });
             }
         }
         while self.on_their_way.front().is_some_and(|(due_us, _)| *due_us <= now_us) {
-            let Some((_, mut frame)) = self.on_their_way.pop_front() else { break };
+            let Some((_, mut frame)) = self.on_their_way.pop_front() else {
+                break;
+            };
             frame.sent_us = now_us;
-            let Ok(mut line) = serde_json::to_vec(&frame) else { continue };
+            let Ok(mut line) = serde_json::to_vec(&frame) else {
+                continue;
+            };
             line.push(b'\n');
             self.readers.retain_mut(|reader| reader.send(&line));
         }

@@ -51,7 +51,13 @@ impl Unit {
         let hidden_robot = hidden.robot(&robot.description.name);
         let stream = u64::from(robot.number) << 32;
         let mut random = Noise::new(seed, stream);
-        let body = Body::new(&robot.description, robot.bounding_radius_m, &hidden_robot, &hidden.run_variation, &mut random)?;
+        let body = Body::new(
+            &robot.description,
+            robot.bounding_radius_m,
+            &hidden_robot,
+            &hidden.run_variation,
+            &mut random,
+        )?;
         let motor = robot.description.motor.as_ref();
         let settings = Settings {
             number: robot.number,
@@ -65,15 +71,26 @@ impl Unit {
             watchdog: WatchdogSettings::default(),
         };
         Ok(Self {
-            sensors: SensorSet::new(robot.description.noise.as_ref(), &hidden_robot, Noise::new(seed, stream + 1)),
-            clock: SkewedClock { offset_us: (random.uniform() * UPTIME_US) as i64, drift_ppm: DRIFT_PPM * (2.0 * random.uniform() - 1.0) },
+            sensors: SensorSet::new(
+                robot.description.noise.as_ref(),
+                &hidden_robot,
+                Noise::new(seed, stream + 1),
+            ),
+            clock: SkewedClock {
+                offset_us: (random.uniform() * UPTIME_US) as i64,
+                drift_ppm: DRIFT_PPM * (2.0 * random.uniform() - 1.0),
+            },
             robot: robot.clone(),
             hidden: hidden_robot,
             settings,
             firmware: Firmware::new(settings),
             body,
             on_floor: false,
-            drive: Drive { motor_v: None, steering_rad: 0.0, stuck_wheel: None },
+            drive: Drive {
+                motor_v: None,
+                steering_rad: 0.0,
+                stuck_wheel: None,
+            },
             faults: Faults::default(),
             random,
         })
@@ -98,12 +115,21 @@ impl Unit {
 
     /// The same, with what drives it, for the arena to move.
     pub(crate) fn occupant(&mut self) -> Option<crate::plant::arena::Occupant<'_>> {
-        self.on_floor.then_some(crate::plant::arena::Occupant { body: &mut self.body, drive: self.drive })
+        self.on_floor.then_some(crate::plant::arena::Occupant {
+            body: &mut self.body,
+            drive: self.drive,
+        })
     }
 
     /// Puts the robot down at rest, with this run's variation of its parameters. The firmware keeps its largest epoch.
     pub fn place(&mut self, pose: Pose, hidden: &Hidden) -> Result<(), BodyError> {
-        let mut body = Body::new(&self.robot.description, self.robot.bounding_radius_m, &self.hidden, &hidden.run_variation, &mut self.random)?;
+        let mut body = Body::new(
+            &self.robot.description,
+            self.robot.bounding_radius_m,
+            &self.hidden,
+            &hidden.run_variation,
+            &mut self.random,
+        )?;
         body.place(pose);
         self.sensors.carry_angles_over(&self.body);
         self.body = body;
@@ -136,7 +162,11 @@ impl Unit {
 
     /// One firmware step; the voltages hold until the next.
     pub fn step_firmware(&mut self, now_us: i64) {
-        self.drive = Drive { motor_v: None, steering_rad: self.drive.steering_rad, stuck_wheel: self.faults.stuck_wheel };
+        self.drive = Drive {
+            motor_v: None,
+            steering_rad: self.drive.steering_rad,
+            stuck_wheel: self.faults.stuck_wheel,
+        };
         if self.faults.dead {
             return;
         }
@@ -157,19 +187,29 @@ impl Unit {
         }
         match self.firmware.on_datagram(bytes, self.clock.read_ms(now_us)) {
             received if received.is_in_order() => Reception::Commander,
-            Received::Refused(robot::acceptance::Refusal::OldEpoch { .. } | robot::acceptance::Refusal::OutOfOrder { .. }) => Reception::Probe,
+            Received::Refused(
+                robot::acceptance::Refusal::OldEpoch { .. } | robot::acceptance::Refusal::OutOfOrder { .. },
+            ) => Reception::Probe,
             _ => Reception::Nothing,
         }
     }
 
     /// Writes telemetry for the commander; 0 characters when it is lost or the robot is dead.
     pub fn telemetry(&mut self, now_us: i64, out: &mut [u8; TELEMETRY_MAX_CHARACTERS]) -> usize {
-        if self.faults.dead || self.loses_frame() { 0 } else { self.firmware.telemetry(self.clock.read_ms(now_us), out) }
+        if self.faults.dead || self.loses_frame() {
+            0
+        } else {
+            self.firmware.telemetry(self.clock.read_ms(now_us), out)
+        }
     }
 
     /// Writes the answer to a [`Reception::Probe`].
     pub fn probe_reply(&mut self, now_us: i64, out: &mut [u8; TELEMETRY_MAX_CHARACTERS]) -> usize {
-        if self.faults.dead || self.loses_frame() { 0 } else { self.firmware.probe_reply(self.clock.read_ms(now_us), out) }
+        if self.faults.dead || self.loses_frame() {
+            0
+        } else {
+            self.firmware.probe_reply(self.clock.read_ms(now_us), out)
+        }
     }
 
     fn loses_frame(&mut self) -> bool {

@@ -25,13 +25,35 @@ fn every_chassis_reaches_its_commanded_wheel_speeds() {
         bench.drive_for(2.0, |_| wheels(set_points));
         let pose = bench.pose(index);
         let telemetry = bench.telemetry[index].unwrap();
-        assert!(telemetry.status.running && telemetry.status.clock_known && !telemetry.status.latched, "{:?}", telemetry.status);
-        let wheel_speeds: Vec<f64> = bench.laboratory.units()[index].on_floor().unwrap().driven_wheels().map(|wheel| wheel.speed_rad_per_s).collect();
+        assert!(
+            telemetry.status.running && telemetry.status.clock_known && !telemetry.status.latched,
+            "{:?}",
+            telemetry.status
+        );
+        let wheel_speeds: Vec<f64> = bench.laboratory.units()[index]
+            .on_floor()
+            .unwrap()
+            .driven_wheels()
+            .map(|wheel| wheel.speed_rad_per_s)
+            .collect();
         for (speed, set_point) in wheel_speeds.iter().zip(set_points) {
-            assert!((speed - set_point).abs() < 0.4 + 0.03 * set_point.abs(), "{}: {speed} of {set_point}", robot.description.name);
+            assert!(
+                (speed - set_point).abs() < 0.4 + 0.03 * set_point.abs(),
+                "{}: {speed} of {set_point}",
+                robot.description.name
+            );
         }
-        assert!((pose.x_m + 1.0 - 0.95).abs() < 0.15, "{}: {pose:?}", robot.description.name);
-        assert!((bench.speed_m_per_s(index) - 0.5).abs() < 0.05, "{}: {} m/s", robot.description.name, bench.speed_m_per_s(index));
+        assert!(
+            (pose.x_m + 1.0 - 0.95).abs() < 0.15,
+            "{}: {pose:?}",
+            robot.description.name
+        );
+        assert!(
+            (bench.speed_m_per_s(index) - 0.5).abs() < 0.05,
+            "{}: {} m/s",
+            robot.description.name,
+            bench.speed_m_per_s(index)
+        );
         assert!((18.0..26.0).contains(&telemetry.bus_v));
     }
 }
@@ -47,14 +69,25 @@ fn a_robot_whose_link_is_cut_stops_within_the_promised_distance() {
         let cut_x_m = bench.pose(index).x_m;
         bench.drive_for(1.0, |_| None);
         let distance_m = bench.pose(index).x_m - cut_x_m;
-        // One control period of travel since the last command, firmware step and drive lag on top of v 0.1 + v^2 / 2a.
-        let promised_m = speed_m_per_s * 0.1 + speed_m_per_s * speed_m_per_s / 4.0 + speed_m_per_s * 0.035;
-        println!("{}: {distance_m} m of {promised_m} m at {speed_m_per_s} m/s", robot.description.name);
+        // v (tau_link + 0.1 + tau_act) + v^2 / 2a: a control period has passed since the last command, and a PI speed loop
+        // follows a ramp k_e / k_i late.
+        let motor = robot.description.motor.as_ref().unwrap();
+        let tau_act_s = motor.gear_ratio * motor.torque_constant_n_m_per_a / motor.speed_loop_ki_v_per_rad;
+        let promised_m = speed_m_per_s * (1.0 / 120.0 + 0.1 + tau_act_s) + speed_m_per_s * speed_m_per_s / 4.0;
+        println!(
+            "{}: {distance_m} m of {promised_m} m at {speed_m_per_s} m/s",
+            robot.description.name
+        );
         assert!(bench.speed_m_per_s(index) < 0.01 && distance_m < promised_m && distance_m > speed_m_per_s * 0.1);
         assert!(bench.telemetry[index].unwrap().status.latched);
         bench.drive_for(0.5, |_| wheels([5.0; 4]));
         assert!(bench.speed_m_per_s(index) < 0.01, "latched");
-        bench.drive_for(0.5, |_| Some(Command { clear: true, ..wheels(forward(&robot.description, 0.3)).unwrap() }));
+        bench.drive_for(0.5, |_| {
+            Some(Command {
+                clear: true,
+                ..wheels(forward(&robot.description, 0.3)).unwrap()
+            })
+        });
         assert!(bench.speed_m_per_s(index) > 0.1, "cleared");
     }
 }
@@ -68,7 +101,10 @@ fn motion_needs_frames_and_a_placed_robot_keeps_its_epoch() {
     bench.place(&[(1, 0.5, 0.5, 1.0), (2, -0.5, -0.5, 0.0)]);
     assert_eq!(bench.laboratory.units()[0].firmware().epoch(), 1);
     let placed = bench.pose(0);
-    assert_eq!((placed.x_m, placed.y_m, placed.yaw_rad), (0.5, 0.5, 1.0));
+    assert!(
+        (placed.x_m - 0.5).abs() < 1e-12 && (placed.y_m - 0.5).abs() < 1e-12 && placed.yaw_rad == 1.0,
+        "{placed:?}"
+    );
     bench.drive_for(1.0, |_| None);
     let rested = bench.pose(1);
     assert!((rested.x_m + 0.5).hypot(rested.y_m + 0.5) < 1e-3, "{rested:?}");
@@ -78,7 +114,12 @@ fn motion_needs_frames_and_a_placed_robot_keeps_its_epoch() {
 fn faults_do_what_they_say() {
     let description = reference();
     let mut bench = Bench::new(&description, hidden(), 4);
-    bench.place(&[(1, -1.0, 0.0, 0.0), (2, 1.0, 0.0, 0.0), (3, 0.0, 1.0, 0.0), (4, 0.0, -1.0, 0.0)]);
+    bench.place(&[
+        (1, -1.0, 0.0, 0.0),
+        (2, 1.0, 0.0, 0.0),
+        (3, 0.0, 1.0, 0.0),
+        (4, 0.0, -1.0, 0.0),
+    ]);
     let spin = |_: usize| wheels([4.0; 4]);
     bench.drive_for(1.0, spin);
     fault(&mut bench, 1, FaultKind::Dead);
@@ -89,14 +130,38 @@ fn faults_do_what_they_say() {
     assert!(bench.telemetry[0].is_none() && bench.speed_m_per_s(0) < 0.05, "dead");
     assert!(bench.telemetry[1].unwrap().wheel_rad_per_s[2].abs() < 0.5, "stuck");
     assert!(bench.telemetry[2].is_none(), "dropped");
-    assert!(bench.laboratory.expose().iter().all(|pose| pose.number != 4), "tracker lost");
+    assert!(
+        bench.laboratory.expose().iter().all(|pose| pose.number != 4),
+        "tracker lost"
+    );
     for number in 1..=4 {
         fault(&mut bench, number, FaultKind::None);
     }
-    bench.drive_for(0.5, |_| Some(Command { clear: true, ..Command::default() }));
+    bench.drive_for(0.5, |_| {
+        Some(Command {
+            clear: true,
+            ..Command::default()
+        })
+    });
     assert!(bench.telemetry.iter().all(Option::is_some));
-    assert!(bench.laboratory.set_fault(FaultRequest { number: 99, kind: FaultKind::Dead }).is_err());
-    assert!(bench.laboratory.set_fault(FaultRequest { number: 1, kind: FaultKind::DropFrames { fraction: 1.5 } }).is_err());
+    assert!(
+        bench
+            .laboratory
+            .set_fault(FaultRequest {
+                number: 99,
+                kind: FaultKind::Dead
+            })
+            .is_err()
+    );
+    assert!(
+        bench
+            .laboratory
+            .set_fault(FaultRequest {
+                number: 1,
+                kind: FaultKind::DropFrames { fraction: 1.5 }
+            })
+            .is_err()
+    );
 }
 
 #[test]
@@ -109,7 +174,10 @@ fn a_frozen_tracker_repeats_and_a_low_battery_sags() {
             break *pose;
         }
     };
-    let full_v = { bench.drive_for(0.2, |_| wheels([0.0; 4])); bench.telemetry[0].unwrap().bus_v };
+    let full_v = {
+        bench.drive_for(0.2, |_| wheels([0.0; 4]));
+        bench.telemetry[0].unwrap().bus_v
+    };
     fault(&mut bench, 1, FaultKind::TrackerFrozen);
     fault(&mut bench, 1, FaultKind::LowBattery { charge: 0.02 });
     bench.drive_for(1.0, |_| wheels(forward(&description.robots[0].description, 0.5)));
@@ -122,37 +190,63 @@ fn a_seed_repeats_exactly_and_runs_differ_from_one_another() {
     let description = reference();
     let run = |bench: &mut Bench| {
         bench.place(&[(1, -1.0, 0.0, 0.0), (5, 0.5, 0.5, 0.3)]);
-        bench.drive_for(1.0, |index| wheels(forward(&description.robots[index].description, 0.6)));
+        bench.drive_for(1.0, |index| {
+            wheels(forward(&description.robots[index].description, 0.6))
+        });
         bench.drive_for(0.3, |_| wheels([0.0; 4]));
         (bench.pose(0), bench.pose(4))
     };
-    let (mut one, mut same, mut other) = (Bench::new(&description, hidden(), 8), Bench::new(&description, hidden(), 8), Bench::new(&description, hidden(), 9));
+    let (mut one, mut same, mut other) = (
+        Bench::new(&description, hidden(), 8),
+        Bench::new(&description, hidden(), 8),
+        Bench::new(&description, hidden(), 9),
+    );
     let first = run(&mut one);
     assert_eq!(first, run(&mut same));
     assert_ne!(first, run(&mut other));
-    let again = run(&mut one);
-    let gap_m = (again.0.x_m - first.0.x_m).hypot(again.0.y_m - first.0.y_m);
+    // The first run of a firmware starts later by a few frames, until the clocks are known.
+    let (second, third) = (run(&mut one), run(&mut one));
+    let gap_m = (second.0.x_m - third.0.x_m).hypot(second.0.y_m - third.0.y_m);
     println!("runs differ by {gap_m} m");
-    assert!(gap_m > 0.0 && gap_m < 0.1, "{gap_m}");
+    assert!(gap_m > 1e-5 && gap_m < 0.03, "{gap_m}");
 }
 
 #[test]
 fn the_hand_refuses_what_cannot_stand() {
     let mut bench = Bench::new(&reference(), hidden(), 1);
-    let mut ask = |line: &str| String::from_utf8(emulator::hand::answer(line.as_bytes(), &mut bench.laboratory)).unwrap();
-    assert_eq!(ask(r#"{"place":[{"number":1,"x_m":0,"y_m":0,"yaw_rad":0}]}"#), r#"{"ok":true}"#);
+    let mut ask =
+        |line: &str| String::from_utf8(emulator::hand::answer(line.as_bytes(), &mut bench.laboratory)).unwrap();
+    assert_eq!(
+        ask(r#"{"place":[{"number":1,"x_m":0,"y_m":0,"yaw_rad":0}]}"#),
+        r#"{"ok":true}"#
+    );
     for (line, reason) in [
         (r#"{"place":[{"number":9,"x_m":0,"y_m":0,"yaw_rad":0}]}"#, "no robot 9"),
         (r#"{"place":[{"number":1,"x_m":1.8,"y_m":0,"yaw_rad":0}]}"#, "floor"),
-        (r#"{"place":[{"number":1,"x_m":0,"y_m":0,"yaw_rad":0},{"number":2,"x_m":0.4,"y_m":0,"yaw_rad":0}]}"#, "overlap"),
-        (r#"{"place":[{"number":1,"x_m":0,"y_m":0,"yaw_rad":0},{"number":1,"x_m":1,"y_m":0,"yaw_rad":0}]}"#, "twice"),
+        (
+            r#"{"place":[{"number":1,"x_m":0,"y_m":0,"yaw_rad":0},{"number":2,"x_m":0.4,"y_m":0,"yaw_rad":0}]}"#,
+            "overlap",
+        ),
+        (
+            r#"{"place":[{"number":1,"x_m":0,"y_m":0,"yaw_rad":0},{"number":1,"x_m":1,"y_m":0,"yaw_rad":0}]}"#,
+            "twice",
+        ),
         (r#"{"fault":{"number":1,"kind":"on_fire"}}"#, "not a request"),
         ("{}", "neither"),
         ("nonsense", "not a request"),
     ] {
         let reply = ask(line);
-        assert!(reply.contains(r#""ok":false"#) && reply.contains(reason), "{line}: {reply}");
+        assert!(
+            reply.contains(r#""ok":false"#) && reply.contains(reason),
+            "{line}: {reply}"
+        );
     }
-    assert_eq!(ask(r#"{"fault":{"number":1,"kind":"stuck_wheel","wheel":0}}"#), r#"{"ok":true}"#);
-    assert!(bench.laboratory.units()[0].on_floor().is_some(), "a refused request changes nothing");
+    assert_eq!(
+        ask(r#"{"fault":{"number":1,"kind":"stuck_wheel","wheel":0}}"#),
+        r#"{"ok":true}"#
+    );
+    assert!(
+        bench.laboratory.units()[0].on_floor().is_some(),
+        "a refused request changes nothing"
+    );
 }

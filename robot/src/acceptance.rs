@@ -66,22 +66,42 @@ impl Acceptance {
     /// A new epoch may come from another process with another clock, so the estimate then starts over.
     pub fn check_order(&mut self, header: &Header, now_ms: u32) -> Result<(), Refusal> {
         match self.largest {
-            Some((largest, _)) if header.epoch < largest => return Err(Refusal::OldEpoch { largest, found: header.epoch }),
+            Some((largest, _)) if header.epoch < largest => {
+                return Err(Refusal::OldEpoch {
+                    largest,
+                    found: header.epoch,
+                });
+            }
             Some((epoch, largest)) if header.epoch == epoch && header.sequence <= largest => {
-                return Err(Refusal::OutOfOrder { largest, found: header.sequence });
+                return Err(Refusal::OutOfOrder {
+                    largest,
+                    found: header.sequence,
+                });
             }
             Some((epoch, _)) if header.epoch > epoch => self.clock.reset(),
             _ => {}
         }
         self.largest = Some((header.epoch, header.sequence));
-        self.clock.observe(ClockSample { local_ms: now_ms, peer_ms: header.clock_ms, echo_ms: header.echo_ms });
+        self.clock.observe(ClockSample {
+            local_ms: now_ms,
+            peer_ms: header.clock_ms,
+            echo_ms: header.echo_ms,
+        });
         Ok(())
     }
 
     /// Second rule: certainly not older than [`MAX_COMMAND_AGE_MS`].
     pub fn check_age(&self, header: &Header, now_ms: u32) -> Result<(), Refusal> {
-        let age_ms = self.clock.age(now_ms, header.clock_ms).ok_or(Refusal::ClockUnknown)?.largest_ms();
-        if age_ms > MAX_COMMAND_AGE_MS { Err(Refusal::Stale { age_ms }) } else { Ok(()) }
+        let age_ms = self
+            .clock
+            .age(now_ms, header.clock_ms)
+            .ok_or(Refusal::ClockUnknown)?
+            .largest_ms();
+        if age_ms > MAX_COMMAND_AGE_MS {
+            Err(Refusal::Stale { age_ms })
+        } else {
+            Ok(())
+        }
     }
 }
 
@@ -90,16 +110,32 @@ mod tests {
     use super::*;
 
     fn header(epoch: u32, sequence: u32, clock_ms: u32, echo_ms: u32) -> Header {
-        Header { robot: 1, epoch, sequence, tick: 0, clock_ms, echo_ms }
+        Header {
+            robot: 1,
+            epoch,
+            sequence,
+            tick: 0,
+            clock_ms,
+            echo_ms,
+        }
     }
 
     #[test]
     fn epochs_only_grow_and_sequences_only_increase() {
         let mut acceptance = Acceptance::default();
         assert_eq!(acceptance.check_order(&header(5, 10, 1, 0), 1), Ok(()));
-        assert_eq!(acceptance.check_order(&header(4, 99, 1, 0), 1), Err(Refusal::OldEpoch { largest: 5, found: 4 }));
-        assert_eq!(acceptance.check_order(&header(5, 10, 1, 0), 1), Err(Refusal::OutOfOrder { largest: 10, found: 10 }));
-        assert_eq!(acceptance.check_order(&header(5, 9, 1, 0), 1), Err(Refusal::OutOfOrder { largest: 10, found: 9 }));
+        assert_eq!(
+            acceptance.check_order(&header(4, 99, 1, 0), 1),
+            Err(Refusal::OldEpoch { largest: 5, found: 4 })
+        );
+        assert_eq!(
+            acceptance.check_order(&header(5, 10, 1, 0), 1),
+            Err(Refusal::OutOfOrder { largest: 10, found: 10 })
+        );
+        assert_eq!(
+            acceptance.check_order(&header(5, 9, 1, 0), 1),
+            Err(Refusal::OutOfOrder { largest: 10, found: 9 })
+        );
         assert_eq!(acceptance.check_order(&header(5, 12, 1, 0), 1), Ok(()));
         assert_eq!(acceptance.check_order(&header(6, 1, 1, 0), 1), Ok(()));
         assert_eq!(acceptance.epoch(), 6);

@@ -62,8 +62,20 @@ impl ClockOffset {
         if sample.echo_ms == 0 || round_trip_ms > MAX_AGE_MS {
             return;
         }
-        let reference_ms = self.interval.map_or(sample.peer_ms.wrapping_sub(sample.local_ms), |interval| interval.reference_ms);
-        let relative_us = |local_ms: u32| 1000 * i64::from(sample.peer_ms.wrapping_sub(local_ms).wrapping_sub(reference_ms).cast_signed());
+        let reference_ms = self
+            .interval
+            .map_or(sample.peer_ms.wrapping_sub(sample.local_ms), |interval| {
+                interval.reference_ms
+            });
+        let relative_us = |local_ms: u32| {
+            1000 * i64::from(
+                sample
+                    .peer_ms
+                    .wrapping_sub(local_ms)
+                    .wrapping_sub(reference_ms)
+                    .cast_signed(),
+            )
+        };
         let new = Interval {
             reference_ms,
             low_us: relative_us(sample.local_ms) - RESOLUTION_US,
@@ -71,9 +83,11 @@ impl ClockOffset {
             updated_local_ms: sample.local_ms,
         };
         self.interval = Some(match self.at(sample.local_ms) {
-            Some(old) if old.low_us <= new.high_us && new.low_us <= old.high_us => {
-                Interval { low_us: old.low_us.max(new.low_us), high_us: old.high_us.min(new.high_us), ..new }
-            }
+            Some(old) if old.low_us <= new.high_us && new.low_us <= old.high_us => Interval {
+                low_us: old.low_us.max(new.low_us),
+                high_us: old.high_us.min(new.high_us),
+                ..new
+            },
             _ => new,
         });
     }
@@ -85,7 +99,8 @@ impl ClockOffset {
 
     /// Half the width of the interval now; `None` without a sample in the last [`MAX_AGE_MS`].
     pub fn bound_ms(&self, local_ms: u32) -> Option<f64> {
-        self.at(local_ms).map(|interval| (interval.high_us - interval.low_us) as f64 / 2000.0)
+        self.at(local_ms)
+            .map(|interval| (interval.high_us - interval.low_us) as f64 / 2000.0)
     }
 
     /// Age of the peer's time stamp now; `None` while the bound exceeds [`MAX_BOUND_US`] or the last sample is too old.
@@ -95,10 +110,16 @@ impl ClockOffset {
         if bound_us > MAX_BOUND_US {
             return None;
         }
-        let apparent_ms = local_ms.wrapping_add(interval.reference_ms).wrapping_sub(peer_ms).cast_signed();
+        let apparent_ms = local_ms
+            .wrapping_add(interval.reference_ms)
+            .wrapping_sub(peer_ms)
+            .cast_signed();
         let age_us = 1000 * i64::from(apparent_ms) + i64::midpoint(interval.low_us, interval.high_us);
         // Both readings are whole milliseconds rounded down.
-        Some(Age { estimate_ms: age_us as f64 / 1000.0, bound_ms: (bound_us + RESOLUTION_US) as f64 / 1000.0 })
+        Some(Age {
+            estimate_ms: age_us as f64 / 1000.0,
+            bound_ms: (bound_us + RESOLUTION_US) as f64 / 1000.0,
+        })
     }
 
     /// The interval widened to the present.
@@ -110,7 +131,11 @@ impl ClockOffset {
             return None;
         }
         let drift_us = elapsed_ms * DRIFT_PPM / 1000 + 1;
-        Some(Interval { low_us: old.low_us - drift_us, high_us: old.high_us + drift_us, ..old })
+        Some(Interval {
+            low_us: old.low_us - drift_us,
+            high_us: old.high_us + drift_us,
+            ..old
+        })
     }
 }
 
@@ -139,7 +164,11 @@ mod tests {
         /// Frame the peer sends at `sent_us`, echoing the newest of our frames (sent every 8333 us) that has reached it.
         fn sample(&self, sent_us: i64) -> ClockSample {
             let echoed_us = (sent_us - self.up_us).div_euclid(8333) * 8333;
-            ClockSample { local_ms: self.local_ms(sent_us + self.down_us), peer_ms: self.peer_ms(sent_us), echo_ms: self.local_ms(echoed_us) }
+            ClockSample {
+                local_ms: self.local_ms(sent_us + self.down_us),
+                peer_ms: self.peer_ms(sent_us),
+                echo_ms: self.local_ms(echoed_us),
+            }
         }
     }
 
@@ -150,9 +179,14 @@ mod tests {
             sent_us += 8334;
             let sample = link.sample(sent_us);
             clock.observe(sample);
-            let age = clock.age(sample.local_ms, sample.peer_ms).expect("bound is small enough");
+            let age = clock
+                .age(sample.local_ms, sample.peer_ms)
+                .expect("bound is small enough");
             let true_ms = link.down_us as f64 / 1000.0;
-            assert!((age.estimate_ms - true_ms).abs() <= age.bound_ms, "true {true_ms} not in {age:?} at {sent_us}");
+            assert!(
+                (age.estimate_ms - true_ms).abs() <= age.bound_ms,
+                "true {true_ms} not in {age:?} at {sent_us}"
+            );
             assert!(age.largest_ms() < 50.0, "{age:?}");
         }
     }
@@ -160,25 +194,81 @@ mod tests {
     #[test]
     fn true_age_lies_within_the_bound_with_drift_and_an_asymmetric_link() {
         for drift_ppm in [-100, 0, 100] {
-            check(&Link { offset_us: 123_456_789, drift_ppm, down_us: 12_000, up_us: 2_000 }, 3_000_000);
-            check(&Link { offset_us: -123_456, drift_ppm, down_us: 2_000, up_us: 12_000 }, 3_000_000);
-            check(&Link { offset_us: 7, drift_ppm, down_us: 50, up_us: 60 }, 3_000_000);
+            check(
+                &Link {
+                    offset_us: 123_456_789,
+                    drift_ppm,
+                    down_us: 12_000,
+                    up_us: 2_000,
+                },
+                3_000_000,
+            );
+            check(
+                &Link {
+                    offset_us: -123_456,
+                    drift_ppm,
+                    down_us: 2_000,
+                    up_us: 12_000,
+                },
+                3_000_000,
+            );
+            check(
+                &Link {
+                    offset_us: 7,
+                    drift_ppm,
+                    down_us: 50,
+                    up_us: 60,
+                },
+                3_000_000,
+            );
         }
     }
 
     #[test]
     fn clocks_may_wrap_around() {
         let wrap_us = (1i64 << 32) * 1000;
-        check(&Link { offset_us: 40_000_000, drift_ppm: 0, down_us: 3_000, up_us: 3_000 }, wrap_us - 30_000_000);
-        check(&Link { offset_us: -40_000_000, drift_ppm: 0, down_us: 3_000, up_us: 3_000 }, wrap_us - 30_000_000);
-        check(&Link { offset_us: 70_000_000, drift_ppm: 0, down_us: 3_000, up_us: 3_000 }, wrap_us - 100_000_000);
+        check(
+            &Link {
+                offset_us: 40_000_000,
+                drift_ppm: 0,
+                down_us: 3_000,
+                up_us: 3_000,
+            },
+            wrap_us - 30_000_000,
+        );
+        check(
+            &Link {
+                offset_us: -40_000_000,
+                drift_ppm: 0,
+                down_us: 3_000,
+                up_us: 3_000,
+            },
+            wrap_us - 30_000_000,
+        );
+        check(
+            &Link {
+                offset_us: 70_000_000,
+                drift_ppm: 0,
+                down_us: 3_000,
+                up_us: 3_000,
+            },
+            wrap_us - 100_000_000,
+        );
     }
 
     #[test]
     fn a_restarted_peer_starts_the_estimate_over() {
         let mut clock = ClockOffset::default();
-        let before = Link { offset_us: 5_000_000, drift_ppm: 0, down_us: 1000, up_us: 1000 };
-        let after = Link { offset_us: -1_000_000, ..before };
+        let before = Link {
+            offset_us: 5_000_000,
+            drift_ppm: 0,
+            down_us: 1000,
+            up_us: 1000,
+        };
+        let after = Link {
+            offset_us: -1_000_000,
+            ..before
+        };
         for step in 0..100 {
             clock.observe(before.sample(3_000_000 + step * 8334));
         }
@@ -191,14 +281,33 @@ mod tests {
     #[test]
     fn unknown_without_echo_after_silence_and_with_a_wide_bound() {
         let mut clock = ClockOffset::default();
-        clock.observe(ClockSample { local_ms: 5000, peer_ms: 9000, echo_ms: 0 });
+        clock.observe(ClockSample {
+            local_ms: 5000,
+            peer_ms: 9000,
+            echo_ms: 0,
+        });
         assert!(clock.age(5000, 9000).is_none());
-        clock.observe(ClockSample { local_ms: 5000, peer_ms: 9000, echo_ms: 4960 });
+        clock.observe(ClockSample {
+            local_ms: 5000,
+            peer_ms: 9000,
+            echo_ms: 4960,
+        });
         assert!(clock.bound_ms(5000).is_some() && clock.age(5000, 9000).is_none());
-        clock.observe(ClockSample { local_ms: 5100, peer_ms: 9100, echo_ms: 5090 });
+        clock.observe(ClockSample {
+            local_ms: 5100,
+            peer_ms: 9100,
+            echo_ms: 5090,
+        });
         assert!(clock.age(5100, 9100).is_some());
         assert!(clock.age(7101, 11_100).is_none());
-        clock.observe(ClockSample { local_ms: 8000, peer_ms: 12_000, echo_ms: 8100 });
-        assert!(clock.age(8000, 12_000).is_none(), "an echo from the future is no sample");
+        clock.observe(ClockSample {
+            local_ms: 8000,
+            peer_ms: 12_000,
+            echo_ms: 8100,
+        });
+        assert!(
+            clock.age(8000, 12_000).is_none(),
+            "an echo from the future is no sample"
+        );
     }
 }

@@ -5,7 +5,13 @@ const START: u16 = 0xFFFF;
 
 pub(crate) fn crc16(bytes: &[u8]) -> u16 {
     bytes.iter().fold(START, |crc, &byte| {
-        (0..8).fold(crc ^ (u16::from(byte) << 8), |crc, _| if crc & 0x8000 == 0 { crc << 1 } else { (crc << 1) ^ POLYNOMIAL })
+        (0..8).fold(crc ^ (u16::from(byte) << 8), |crc, _| {
+            if crc & 0x8000 == 0 {
+                crc << 1
+            } else {
+                (crc << 1) ^ POLYNOMIAL
+            }
+        })
     })
 }
 

@@ -108,7 +108,10 @@ impl Firmware {
     pub fn on_datagram(&mut self, bytes: &[u8], now_ms: u32) -> Received {
         let (header, command) = match frame::decode(bytes, &self.settings.key) {
             Err(error) => return Received::Invalid(error),
-            Ok(frame::Frame { header, payload: Payload::Command(command) }) if header.robot == self.settings.number => (header, command),
+            Ok(frame::Frame {
+                header,
+                payload: Payload::Command(command),
+            }) if header.robot == self.settings.number => (header, command),
             Ok(_) => return Received::Refused(Refusal::NotForThisRobot),
         };
         if let Err(refusal) = self.acceptance.check_order(&header, now_ms) {
@@ -133,13 +136,25 @@ impl Firmware {
         let set_point = self.watchdog.step(now_ms);
         let mut motor_v = [0.0; MAX_MOTORS];
         let wheels = set_point.wheel_rad_per_s.iter().zip(&sensors.wheel_rad_per_s);
-        for ((voltage, speed_loop), (&command_rad_per_s, &measured_rad_per_s)) in
-            motor_v.iter_mut().zip(&mut self.speed_loops).zip(wheels).take(self.settings.motors)
+        for ((voltage, speed_loop), (&command_rad_per_s, &measured_rad_per_s)) in motor_v
+            .iter_mut()
+            .zip(&mut self.speed_loops)
+            .zip(wheels)
+            .take(self.settings.motors)
         {
-            *voltage = speed_loop.step(WheelSpeed { command_rad_per_s, measured_rad_per_s }, sensors.bus_v);
+            *voltage = speed_loop.step(
+                WheelSpeed {
+                    command_rad_per_s,
+                    measured_rad_per_s,
+                },
+                sensors.bus_v,
+            );
         }
         self.saturated = motor_v.iter().any(|voltage| voltage.abs() >= sensors.bus_v);
-        Outputs { motor_v, steering_rad: set_point.steering_rad }
+        Outputs {
+            motor_v,
+            steering_rad: set_point.steering_rad,
+        }
     }
 
     /// Forgets the integrals of the speed loops: the robot was lifted and its motors were without power.

@@ -140,7 +140,9 @@ impl fmt::Display for FrameError {
             Self::Length { characters } => write!(f, "a frame of {characters} characters does not exist"),
             Self::Start { found } => write!(f, "begins with byte {found:#04x} instead of ':'"),
             Self::End { found } => write!(f, "ends with byte {found:#04x} instead of a line feed"),
-            Self::Digit { position, found } => write!(f, "byte {found:#04x} at {position} is no upper-case hexadecimal digit"),
+            Self::Digit { position, found } => {
+                write!(f, "byte {found:#04x} at {position} is no upper-case hexadecimal digit")
+            }
             Self::Version { found } => write!(f, "layout version {found} is not {VERSION}"),
             Self::Type { found } => write!(f, "unknown frame type {found}"),
             Self::Reserved { found } => write!(f, "reserved bits set in {found:#04x}"),
@@ -164,7 +166,12 @@ pub fn encode_command(header: &Header, command: &Command, key: &Key, out: &mut [
 }
 
 /// Writes a telemetry frame and returns its length in characters.
-pub fn encode_telemetry(header: &Header, telemetry: &Telemetry, key: &Key, out: &mut [u8; TELEMETRY_MAX_CHARACTERS]) -> usize {
+pub fn encode_telemetry(
+    header: &Header,
+    telemetry: &Telemetry,
+    key: &Key,
+    out: &mut [u8; TELEMETRY_MAX_CHARACTERS],
+) -> usize {
     let mut writer = Writer::new(TYPE_TELEMETRY, header);
     writer.put(&[telemetry.status.to_byte()]);
     writer.put(&telemetry.applied_sequence.to_be_bytes());
@@ -192,7 +199,9 @@ pub fn encode_telemetry(header: &Header, telemetry: &Telemetry, key: &Key, out: 
 pub fn decode(characters: &[u8], key: &Key) -> Result<Frame, FrameError> {
     let mut bytes = [0; MAX_BYTES];
     let bytes = unwrap_hex(characters, &mut bytes)?;
-    let wrong_length = FrameError::Length { characters: characters.len() };
+    let wrong_length = FrameError::Length {
+        characters: characters.len(),
+    };
     let (signed, mac) = bytes.split_last_chunk::<MAC_BYTES>().ok_or(wrong_length)?;
     let (body, crc) = signed.split_last_chunk::<2>().ok_or(wrong_length)?;
     let mut reader = Reader { rest: body };
@@ -213,7 +222,13 @@ pub fn decode(characters: &[u8], key: &Key) -> Result<Frame, FrameError> {
     if computed != found {
         return Err(FrameError::Crc { computed, found });
     }
-    if key.mac(signed).iter().zip(mac).fold(0, |difference, (a, b)| difference | (a ^ b)) != 0 {
+    if key
+        .mac(signed)
+        .iter()
+        .zip(mac)
+        .fold(0, |difference, (a, b)| difference | (a ^ b))
+        != 0
+    {
         return Err(FrameError::Mac);
     }
     let header = Header {
@@ -224,7 +239,11 @@ pub fn decode(characters: &[u8], key: &Key) -> Result<Frame, FrameError> {
         clock_ms: reader.u32(),
         echo_ms: reader.u32(),
     };
-    let payload = if kind == TYPE_COMMAND { Payload::Command(read_command(&mut reader)?) } else { Payload::Telemetry(read_telemetry(&mut reader)?) };
+    let payload = if kind == TYPE_COMMAND {
+        Payload::Command(read_command(&mut reader)?)
+    } else {
+        Payload::Telemetry(read_telemetry(&mut reader)?)
+    };
     Ok(Frame { header, payload })
 }
 
@@ -259,8 +278,17 @@ fn read_telemetry(reader: &mut Reader<'_>) -> Result<Telemetry, FrameError> {
 
 impl Status {
     fn to_byte(self) -> u8 {
-        let bits = [self.running, self.ramping, self.latched, self.clock_known, self.stopped, self.saturated];
-        bits.iter().enumerate().fold(0, |byte, (position, &set)| byte | u8::from(set) << position)
+        let bits = [
+            self.running,
+            self.ramping,
+            self.latched,
+            self.clock_known,
+            self.stopped,
+            self.saturated,
+        ];
+        bits.iter()
+            .enumerate()
+            .fold(0, |byte, (position, &set)| byte | u8::from(set) << position)
     }
 
     fn from_byte(byte: u8) -> Option<Self> {
@@ -277,8 +305,12 @@ impl Status {
 }
 
 fn unwrap_hex<'a>(characters: &[u8], out: &'a mut [u8; MAX_BYTES]) -> Result<&'a [u8], FrameError> {
-    let wrong_length = FrameError::Length { characters: characters.len() };
-    let [start, digits @ .., end] = characters else { return Err(wrong_length) };
+    let wrong_length = FrameError::Length {
+        characters: characters.len(),
+    };
+    let [start, digits @ .., end] = characters else {
+        return Err(wrong_length);
+    };
     if *start != b':' {
         return Err(FrameError::Start { found: *start });
     }
@@ -290,7 +322,12 @@ fn unwrap_hex<'a>(characters: &[u8], out: &'a mut [u8; MAX_BYTES]) -> Result<&'a
         return Err(wrong_length);
     }
     for (index, (byte, pair)) in out.iter_mut().zip(digits.chunks_exact(2)).enumerate() {
-        let value = |offset: usize| hex::digit(pair[offset]).ok_or(FrameError::Digit { position: 1 + 2 * index + offset, found: pair[offset] });
+        let value = |offset: usize| {
+            hex::digit(pair[offset]).ok_or(FrameError::Digit {
+                position: 1 + 2 * index + offset,
+                found: pair[offset],
+            })
+        };
         *byte = value(0)? << 4 | value(1)?;
     }
     Ok(&out[..digits.len() / 2])
@@ -303,9 +340,18 @@ struct Writer {
 
 impl Writer {
     fn new(kind: u8, header: &Header) -> Self {
-        let mut writer = Self { bytes: [0; MAX_BYTES], length: 0 };
+        let mut writer = Self {
+            bytes: [0; MAX_BYTES],
+            length: 0,
+        };
         writer.put(&[VERSION, kind, header.robot]);
-        for field in [header.epoch, header.sequence, header.tick, header.clock_ms.max(1), header.echo_ms] {
+        for field in [
+            header.epoch,
+            header.sequence,
+            header.tick,
+            header.clock_ms.max(1),
+            header.echo_ms,
+        ] {
             writer.put(&field.to_be_bytes());
         }
         writer

@@ -19,7 +19,10 @@ pub struct SpeedLoop {
 
 impl SpeedLoop {
     pub fn new(settings: SpeedLoopSettings) -> Self {
-        Self { settings, integral_v: 0.0 }
+        Self {
+            settings,
+            integral_v: 0.0,
+        }
     }
 
     /// Forgets the integral, for a wheel that stands.
@@ -36,7 +39,11 @@ impl SpeedLoop {
             return 0.0;
         }
         let limit_v = bus_v.max(0.0);
-        let SpeedLoopSettings { kp_v_s_per_rad, ki_v_per_rad, sample_s } = self.settings;
+        let SpeedLoopSettings {
+            kp_v_s_per_rad,
+            ki_v_per_rad,
+            sample_s,
+        } = self.settings;
         self.integral_v = (self.integral_v + ki_v_per_rad * error_rad_per_s * sample_s).clamp(-limit_v, limit_v);
         (kp_v_s_per_rad * error_rad_per_s + self.integral_v).clamp(-limit_v, limit_v)
     }
@@ -53,10 +60,17 @@ pub struct WheelSpeed {
 mod tests {
     use super::*;
 
-    const SETTINGS: SpeedLoopSettings = SpeedLoopSettings { kp_v_s_per_rad: 0.8, ki_v_per_rad: 6.0, sample_s: 1.0 / 480.0 };
+    const SETTINGS: SpeedLoopSettings = SpeedLoopSettings {
+        kp_v_s_per_rad: 0.8,
+        ki_v_per_rad: 6.0,
+        sample_s: 1.0 / 480.0,
+    };
 
     fn error(rad_per_s: f64) -> WheelSpeed {
-        WheelSpeed { command_rad_per_s: rad_per_s, measured_rad_per_s: 0.0 }
+        WheelSpeed {
+            command_rad_per_s: rad_per_s,
+            measured_rad_per_s: 0.0,
+        }
     }
 
     #[test]

@@ -23,7 +23,11 @@ pub struct WatchdogSettings {
 impl Default for WatchdogSettings {
     /// 40 rad/s2 is 2 m/s2 at the rim of a wheel of 50 mm.
     fn default() -> Self {
-        Self { ramp_after_ms: 100, latch_after_ms: 500, ramp_rad_per_s2: 40.0 }
+        Self {
+            ramp_after_ms: 100,
+            latch_after_ms: 500,
+            ramp_rad_per_s2: 40.0,
+        }
     }
 }
 
@@ -102,7 +106,10 @@ impl Watchdog {
         if command.stop {
             self.stop(epoch);
         } else if command.enable && self.state == WatchdogState::Running {
-            self.held = SetPoint { wheel_rad_per_s: command.wheel_rad_per_s, steering_rad: command.steering_rad };
+            self.held = SetPoint {
+                wheel_rad_per_s: command.wheel_rad_per_s,
+                steering_rad: command.steering_rad,
+            };
         }
     }
 
@@ -130,14 +137,21 @@ impl Watchdog {
                 self.state = WatchdogState::Latched;
             }
         }
-        let fastest_rad_per_s = self.held.wheel_rad_per_s.iter().fold(1e-6, |fastest: f64, speed| fastest.max(speed.abs()));
+        let fastest_rad_per_s = self
+            .held
+            .wheel_rad_per_s
+            .iter()
+            .fold(1e-6, |fastest: f64, speed| fastest.max(speed.abs()));
         let gain_per_ms = self.settings.ramp_rad_per_s2 / fastest_rad_per_s / 1000.0;
         self.gain = if self.state == WatchdogState::Running && self.enabled {
             (self.gain + gain_per_ms * f64::from(since_step_ms)).min(1.0)
         } else {
             (self.gain - gain_per_ms * f64::from(closing_ms)).max(0.0)
         };
-        SetPoint { wheel_rad_per_s: self.held.wheel_rad_per_s.map(|speed| speed * self.gain), ..self.held }
+        SetPoint {
+            wheel_rad_per_s: self.held.wheel_rad_per_s.map(|speed| speed * self.gain),
+            ..self.held
+        }
     }
 }
 
@@ -153,7 +167,11 @@ mod tests {
     const SPEED: f64 = 10.0;
 
     fn drive(speed: f64) -> Command {
-        Command { enable: true, wheel_rad_per_s: [speed, -speed, speed / 2.0, 0.0], ..Command::default() }
+        Command {
+            enable: true,
+            wheel_rad_per_s: [speed, -speed, speed / 2.0, 0.0],
+            ..Command::default()
+        }
     }
 
     /// Steps from just after `from_ms` to `to_ms`, returns the last speed of wheel 0.
@@ -221,7 +239,14 @@ mod tests {
         assert_eq!(watchdog.state(), WatchdogState::Latched);
         watchdog.accept(&drive(SPEED), 1, 2000);
         assert_eq!(run(&mut watchdog, 2000, 2090), 0.0);
-        watchdog.accept(&Command { clear: true, ..drive(SPEED) }, 1, 2090);
+        watchdog.accept(
+            &Command {
+                clear: true,
+                ..drive(SPEED)
+            },
+            1,
+            2090,
+        );
         assert!(run(&mut watchdog, 2090, 2190) > 0.0);
     }
 
@@ -236,7 +261,15 @@ mod tests {
     #[test]
     fn stop_ramps_latches_and_wins_over_clear() {
         let mut watchdog = running(1000);
-        watchdog.accept(&Command { stop: true, clear: true, ..drive(SPEED) }, 1, 1000);
+        watchdog.accept(
+            &Command {
+                stop: true,
+                clear: true,
+                ..drive(SPEED)
+            },
+            1,
+            1000,
+        );
         assert_eq!(watchdog.state(), WatchdogState::Latched);
         let ramping = run(&mut watchdog, 1000, 1100);
         assert!((ramping - 6.0).abs() < 1e-9, "{ramping}");
@@ -260,7 +293,14 @@ mod tests {
     fn disabled_ramps_down_and_stays_awake() {
         let mut watchdog = running(1000);
         for now_ms in 1000..3000 {
-            watchdog.accept(&Command { enable: false, ..drive(SPEED) }, 1, now_ms);
+            watchdog.accept(
+                &Command {
+                    enable: false,
+                    ..drive(SPEED)
+                },
+                1,
+                now_ms,
+            );
             watchdog.step(now_ms);
         }
         assert_eq!(watchdog.state(), WatchdogState::Running);

@@ -13,11 +13,34 @@ fn key() -> Key {
 }
 
 fn frames() -> Vec<(&'static str, Frame)> {
-    let header = Header { robot: 1, epoch: 7, sequence: 42, tick: 41, clock_ms: 1_000_000, echo_ms: 990_000 };
-    let drive = Command { enable: true, wheel_rad_per_s: [12.34, -12.34, 0.01, -0.01], steering_rad: 0.1234, ..Command::default() };
-    let limits = Header { robot: 250, epoch: u32::MAX, sequence: u32::MAX, tick: u32::MAX, clock_ms: u32::MAX, echo_ms: u32::MAX };
+    let header = Header {
+        robot: 1,
+        epoch: 7,
+        sequence: 42,
+        tick: 41,
+        clock_ms: 1_000_000,
+        echo_ms: 990_000,
+    };
+    let drive = Command {
+        enable: true,
+        wheel_rad_per_s: [12.34, -12.34, 0.01, -0.01],
+        steering_rad: 0.1234,
+        ..Command::default()
+    };
+    let limits = Header {
+        robot: 250,
+        epoch: u32::MAX,
+        sequence: u32::MAX,
+        tick: u32::MAX,
+        clock_ms: u32::MAX,
+        echo_ms: u32::MAX,
+    };
     let measured = Telemetry {
-        status: Status { running: true, clock_known: true, ..Status::default() },
+        status: Status {
+            running: true,
+            clock_known: true,
+            ..Status::default()
+        },
         applied_sequence: 42,
         wheel_rad_per_s: [12.3, -12.31, 0.0, 0.05],
         wheel_rad: [1234.567, -1234.567, 0.001, 0.0],
@@ -28,19 +51,71 @@ fn frames() -> Vec<(&'static str, Frame)> {
         steering_rad: -0.25,
     };
     vec![
-        ("command drive", Frame { header, payload: Payload::Command(drive) }),
-        ("command stop", Frame { header: Header { sequence: 43, ..header }, payload: Payload::Command(Command { stop: true, ..Command::default() }) }),
-        ("command clear", Frame { header: Header { sequence: 44, ..header }, payload: Payload::Command(Command { clear: true, ..Command::default() }) }),
+        (
+            "command drive",
+            Frame {
+                header,
+                payload: Payload::Command(drive),
+            },
+        ),
+        (
+            "command stop",
+            Frame {
+                header: Header { sequence: 43, ..header },
+                payload: Payload::Command(Command {
+                    stop: true,
+                    ..Command::default()
+                }),
+            },
+        ),
+        (
+            "command clear",
+            Frame {
+                header: Header { sequence: 44, ..header },
+                payload: Payload::Command(Command {
+                    clear: true,
+                    ..Command::default()
+                }),
+            },
+        ),
         (
             "command largest",
-            Frame { header: limits, payload: Payload::Command(Command { enable: true, wheel_rad_per_s: [327.67, -327.68, 327.67, -327.68], steering_rad: 3.2767, ..Command::default() }) },
+            Frame {
+                header: limits,
+                payload: Payload::Command(Command {
+                    enable: true,
+                    wheel_rad_per_s: [327.67, -327.68, 327.67, -327.68],
+                    steering_rad: 3.2767,
+                    ..Command::default()
+                }),
+            },
         ),
-        ("telemetry driving", Frame { header: Header { sequence: 99, ..header }, payload: Payload::Telemetry(measured) }),
+        (
+            "telemetry driving",
+            Frame {
+                header: Header { sequence: 99, ..header },
+                payload: Payload::Telemetry(measured),
+            },
+        ),
         (
             "telemetry latched",
             Frame {
-                header: Header { robot: 6, epoch: 0, sequence: 1, tick: 0, clock_ms: 1, echo_ms: 0 },
-                payload: Payload::Telemetry(Telemetry { status: Status { latched: true, ..Status::default() }, bus_v: 24.0, ..Telemetry::default() }),
+                header: Header {
+                    robot: 6,
+                    epoch: 0,
+                    sequence: 1,
+                    tick: 0,
+                    clock_ms: 1,
+                    echo_ms: 0,
+                },
+                payload: Payload::Telemetry(Telemetry {
+                    status: Status {
+                        latched: true,
+                        ..Status::default()
+                    },
+                    bus_v: 24.0,
+                    ..Telemetry::default()
+                }),
             },
         ),
     ]
@@ -64,10 +139,17 @@ fn encode(frame: &Frame) -> String {
 #[test]
 fn frames_are_the_golden_ones() {
     let text = std::fs::read_to_string(fixture()).unwrap();
-    let golden: Vec<_> = text.lines().filter(|line| !line.starts_with('#')).filter_map(|line| line.split_once(" :")).collect();
+    let golden: Vec<_> = text
+        .lines()
+        .filter(|line| !line.starts_with('#'))
+        .filter_map(|line| line.split_once(" :"))
+        .collect();
     let frames = frames();
     let made: Vec<_> = frames.iter().map(|(name, frame)| (*name, encode(frame))).collect();
-    let wanted: Vec<_> = golden.iter().map(|(name, digits)| (*name, format!(":{digits}\n"))).collect();
+    let wanted: Vec<_> = golden
+        .iter()
+        .map(|(name, digits)| (*name, format!(":{digits}\n")))
+        .collect();
     assert_eq!(made, wanted);
 }
 
@@ -80,15 +162,39 @@ fn golden_frames_read_back() {
         assert_eq!(encode(&read), text, "{name}");
         match (read.payload, frame.payload) {
             (Payload::Command(read), Payload::Command(made)) => {
-                assert_eq!((read.enable, read.stop, read.clear), (made.enable, made.stop, made.clear));
+                assert_eq!(
+                    (read.enable, read.stop, read.clear),
+                    (made.enable, made.stop, made.clear)
+                );
                 assert!((read.steering_rad - made.steering_rad).abs() < 1e-9);
-                assert!(read.wheel_rad_per_s.iter().zip(made.wheel_rad_per_s).all(|(a, b)| (a - b).abs() < 1e-9));
+                assert!(
+                    read.wheel_rad_per_s
+                        .iter()
+                        .zip(made.wheel_rad_per_s)
+                        .all(|(a, b)| (a - b).abs() < 1e-9)
+                );
             }
             (Payload::Telemetry(read), Payload::Telemetry(made)) => {
-                assert_eq!((read.status, read.applied_sequence), (made.status, made.applied_sequence));
-                assert!((read.bus_v - made.bus_v).abs() < 1e-9 && (read.gyro_z_rad_per_s - made.gyro_z_rad_per_s).abs() < 1e-9);
-                assert!(read.wheel_rad.iter().zip(made.wheel_rad).all(|(a, b)| (a - b).abs() < 1e-9));
-                assert!(read.current_a.iter().zip(made.current_a).all(|(a, b)| (a - b).abs() < 1e-9));
+                assert_eq!(
+                    (read.status, read.applied_sequence),
+                    (made.status, made.applied_sequence)
+                );
+                assert!(
+                    (read.bus_v - made.bus_v).abs() < 1e-9
+                        && (read.gyro_z_rad_per_s - made.gyro_z_rad_per_s).abs() < 1e-9
+                );
+                assert!(
+                    read.wheel_rad
+                        .iter()
+                        .zip(made.wheel_rad)
+                        .all(|(a, b)| (a - b).abs() < 1e-9)
+                );
+                assert!(
+                    read.current_a
+                        .iter()
+                        .zip(made.current_a)
+                        .all(|(a, b)| (a - b).abs() < 1e-9)
+                );
             }
             other => panic!("{name} changed its type: {other:?}"),
         }

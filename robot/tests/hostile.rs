@@ -17,7 +17,11 @@ fn command_frame(header: &Header, command: &Command, key: &Key) -> Vec<u8> {
 }
 
 fn drive() -> Command {
-    Command { enable: true, wheel_rad_per_s: [5.0; 4], ..Command::default() }
+    Command {
+        enable: true,
+        wheel_rad_per_s: [5.0; 4],
+        ..Command::default()
+    }
 }
 
 fn firmware() -> Firmware {
@@ -25,20 +29,38 @@ fn firmware() -> Firmware {
         number: 3,
         key: KEY,
         motors: 4,
-        speed_loop: SpeedLoopSettings { kp_v_s_per_rad: 0.8, ki_v_per_rad: 6.0, sample_s: 1.0 / 480.0 },
+        speed_loop: SpeedLoopSettings {
+            kp_v_s_per_rad: 0.8,
+            ki_v_per_rad: 6.0,
+            sample_s: 1.0 / 480.0,
+        },
         watchdog: WatchdogSettings::default(),
     })
 }
 
 /// Frame `sequence` of a laboratory whose clock is 5000 ms ahead, sent at robot time `sent_ms`.
 fn from_lab(epoch: u32, sequence: u32, sent_ms: u32) -> Vec<u8> {
-    let header = Header { robot: 3, epoch, sequence, tick: sequence, clock_ms: sent_ms + 5000, echo_ms: sent_ms - 2 };
+    let header = Header {
+        robot: 3,
+        epoch,
+        sequence,
+        tick: sequence,
+        clock_ms: sent_ms + 5000,
+        echo_ms: sent_ms - 2,
+    };
     command_frame(&header, &drive(), &KEY)
 }
 
 #[test]
 fn every_single_bit_flip_is_an_error() {
-    let header = Header { robot: 3, epoch: 1, sequence: 2, tick: 3, clock_ms: 4, echo_ms: 5 };
+    let header = Header {
+        robot: 3,
+        epoch: 1,
+        sequence: 2,
+        tick: 3,
+        clock_ms: 4,
+        echo_ms: 5,
+    };
     let frame = command_frame(&header, &drive(), &KEY);
     let (mut by_crc, mut flips) = (0, 0);
     for bit in 0..frame.len() * 8 {
@@ -53,7 +75,10 @@ fn every_single_bit_flip_is_an_error() {
 
 #[test]
 fn errors_name_what_is_wrong() {
-    let header = Header { robot: 3, ..Header::default() };
+    let header = Header {
+        robot: 3,
+        ..Header::default()
+    };
     let frame = command_frame(&header, &drive(), &KEY);
     let with = |position: usize, byte: u8| {
         let mut changed = frame.clone();
@@ -62,15 +87,40 @@ fn errors_name_what_is_wrong() {
     };
     assert_eq!(decode(b"", &KEY), Err(FrameError::Length { characters: 0 }));
     assert_eq!(decode(b":\n", &KEY), Err(FrameError::Length { characters: 2 }));
-    assert_eq!(decode(&frame[..frame.len() - 1], &KEY).unwrap_err(), FrameError::End { found: frame[frame.len() - 2] });
+    assert_eq!(
+        decode(&frame[..frame.len() - 1], &KEY).unwrap_err(),
+        FrameError::End {
+            found: frame[frame.len() - 2]
+        }
+    );
     assert_eq!(with(0, b';'), FrameError::Start { found: b';' });
-    assert_eq!(with(5, b'g'), FrameError::Digit { position: 5, found: b'g' });
-    assert_eq!(with(5, b'a'), FrameError::Digit { position: 5, found: b'a' });
+    assert_eq!(
+        with(5, b'g'),
+        FrameError::Digit {
+            position: 5,
+            found: b'g'
+        }
+    );
+    assert_eq!(
+        with(5, b'a'),
+        FrameError::Digit {
+            position: 5,
+            found: b'a'
+        }
+    );
     assert_eq!(with(2, b'2'), FrameError::Version { found: 2 });
     assert_eq!(with(4, b'9'), FrameError::Type { found: 9 });
-    assert_eq!(with(4, b'2'), FrameError::Length { characters: frame.len() });
+    assert_eq!(
+        with(4, b'2'),
+        FrameError::Length {
+            characters: frame.len()
+        }
+    );
     assert!(matches!(with(20, b'5'), FrameError::Crc { .. }));
-    assert_eq!(decode(&command_frame(&header, &drive(), &OTHER_KEY), &KEY), Err(FrameError::Mac));
+    assert_eq!(
+        decode(&command_frame(&header, &drive(), &OTHER_KEY), &KEY),
+        Err(FrameError::Mac)
+    );
 }
 
 proptest! {
@@ -130,7 +180,18 @@ fn only_fresh_ordered_current_frames_are_accepted() {
             let forged = match next() % 5 {
                 0 => history[next() as usize % history.len()].clone(),
                 1 => from_lab(next() as u32 % 7, sequence + 1, now_ms),
-                2 => command_frame(&Header { robot: 3, epoch: 8, sequence: 1, tick: 1, clock_ms: now_ms + 5000, echo_ms: now_ms - 1 }, &drive(), &OTHER_KEY),
+                2 => command_frame(
+                    &Header {
+                        robot: 3,
+                        epoch: 8,
+                        sequence: 1,
+                        tick: 1,
+                        clock_ms: now_ms + 5000,
+                        echo_ms: now_ms - 1,
+                    },
+                    &drive(),
+                    &OTHER_KEY,
+                ),
                 3 => from_lab(7, next() as u32 % (sequence + 1), now_ms),
                 _ => {
                     let mut damaged = history[next() as usize % history.len()].clone();
@@ -154,16 +215,45 @@ fn only_fresh_ordered_current_frames_are_accepted() {
 #[test]
 fn motors_follow_only_accepted_commands_and_stop_without_them() {
     let mut firmware = firmware();
-    let sensors = Sensors { bus_v: 24.0, ..Sensors::default() };
+    let sensors = Sensors {
+        bus_v: 24.0,
+        ..Sensors::default()
+    };
     let mut now_ms = 1000;
     assert_eq!(firmware.step(now_ms, &sensors).motor_v, [0.0; 4]);
-    assert_ne!(firmware.on_datagram(&command_frame(&Header { robot: 3, epoch: 1, sequence: 1, tick: 0, clock_ms: 9000, echo_ms: 0 }, &drive(), &KEY), now_ms), Received::Accepted);
+    assert_ne!(
+        firmware.on_datagram(
+            &command_frame(
+                &Header {
+                    robot: 3,
+                    epoch: 1,
+                    sequence: 1,
+                    tick: 0,
+                    clock_ms: 9000,
+                    echo_ms: 0
+                },
+                &drive(),
+                &KEY
+            ),
+            now_ms
+        ),
+        Received::Accepted
+    );
     for sequence in 2..50 {
         now_ms += 8;
-        assert_eq!(firmware.on_datagram(&from_lab(1, sequence, now_ms - 1), now_ms), Received::Accepted);
+        assert_eq!(
+            firmware.on_datagram(&from_lab(1, sequence, now_ms - 1), now_ms),
+            Received::Accepted
+        );
         firmware.step(now_ms, &sensors);
     }
-    assert!(firmware.step(now_ms, &sensors).motor_v.iter().all(|voltage| *voltage > 1.0));
+    assert!(
+        firmware
+            .step(now_ms, &sensors)
+            .motor_v
+            .iter()
+            .all(|voltage| *voltage > 1.0)
+    );
     for _ in 0..600 {
         now_ms += 1;
         firmware.step(now_ms, &sensors);
@@ -172,7 +262,9 @@ fn motors_follow_only_accepted_commands_and_stop_without_them() {
     assert_eq!(firmware.step(now_ms, &sensors).motor_v, [0.0; 4]);
     let mut out = [0; 160];
     let length = firmware.telemetry(now_ms, &mut out);
-    let robot::frame::Payload::Telemetry(telemetry) = decode(&out[..length], &KEY).unwrap().payload else { panic!("not telemetry") };
+    let robot::frame::Payload::Telemetry(telemetry) = decode(&out[..length], &KEY).unwrap().payload else {
+        panic!("not telemetry")
+    };
     assert!(telemetry.status.latched && !telemetry.status.running && !telemetry.status.stopped);
     assert_eq!(telemetry.applied_sequence, 49);
 }
@@ -181,10 +273,27 @@ fn motors_follow_only_accepted_commands_and_stop_without_them() {
 fn a_stop_is_obeyed_even_when_it_is_late() {
     let mut firmware = firmware();
     for sequence in 1..20 {
-        assert_eq!(firmware.on_datagram(&from_lab(1, sequence, 1000 + 8 * sequence), 1001 + 8 * sequence), Received::Accepted);
+        assert_eq!(
+            firmware.on_datagram(&from_lab(1, sequence, 1000 + 8 * sequence), 1001 + 8 * sequence),
+            Received::Accepted
+        );
     }
-    let header = Header { robot: 3, epoch: 1, sequence: 20, tick: 20, clock_ms: 6160, echo_ms: 1150 };
-    let stop = command_frame(&header, &Command { stop: true, ..Command::default() }, &KEY);
+    let header = Header {
+        robot: 3,
+        epoch: 1,
+        sequence: 20,
+        tick: 20,
+        clock_ms: 6160,
+        echo_ms: 1150,
+    };
+    let stop = command_frame(
+        &header,
+        &Command {
+            stop: true,
+            ..Command::default()
+        },
+        &KEY,
+    );
     assert_ne!(firmware.on_datagram(&stop, 1300), Received::Accepted);
     assert!(firmware.watchdog().is_stopped());
     let _ = firmware.on_datagram(&from_lab(1, 21, 1301), 1302);

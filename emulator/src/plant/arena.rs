@@ -45,7 +45,8 @@ impl Touch {
         let stiffness = self.mass_kg * BUMPER_RAD_PER_S * BUMPER_RAD_PER_S;
         let damping = 2.0 * BUMPER_DAMPING_RATIO * self.mass_kg * BUMPER_RAD_PER_S;
         let pressing_n = (stiffness * self.depth_m - damping * opening_m_per_s).max(0.0);
-        let rubbing_n = -BUMPER_FRICTION * pressing_n * sliding_m_per_s / (sliding_m_per_s.abs() + BUMPER_FRICTION_HALF_M_PER_S);
+        let rubbing_n =
+            -BUMPER_FRICTION * pressing_n * sliding_m_per_s / (sliding_m_per_s.abs() + BUMPER_FRICTION_HALF_M_PER_S);
         [pressing_n * nx - rubbing_n * ny, pressing_n * ny + rubbing_n * nx]
     }
 }
@@ -58,7 +59,9 @@ impl Arena {
 
     /// The same in a chosen number of steps, to see the step's influence.
     pub fn tick_in(&self, occupants: &mut [Occupant<'_>], substeps: u32) {
-        let step = Step { dt_s: 1.0 / f64::from(TICK_HZ * substeps) };
+        let step = Step {
+            dt_s: 1.0 / f64::from(TICK_HZ * substeps),
+        };
         let near = near_pairs(occupants);
         let mut pushes = vec![Push::default(); occupants.len()];
         for _ in 0..substeps {
@@ -78,10 +81,20 @@ impl Arena {
         let pose = body.pose();
         let (right, top) = (self.width_m / 2.0 - body.radius_m, self.height_m / 2.0 - body.radius_m);
         let mut push = Push::default();
-        let walls = [(pose.x_m - right, [-1.0, 0.0]), (-pose.x_m - right, [1.0, 0.0]), (pose.y_m - top, [0.0, -1.0]), (-pose.y_m - top, [0.0, 1.0])];
+        let walls = [
+            (pose.x_m - right, [-1.0, 0.0]),
+            (-pose.x_m - right, [1.0, 0.0]),
+            (pose.y_m - top, [0.0, -1.0]),
+            (-pose.y_m - top, [0.0, 1.0]),
+        ];
         for (depth_m, normal) in walls {
             if depth_m > 0.0 {
-                let touch = Touch { depth_m, normal, velocity_m_per_s: point_velocity(body, normal), mass_kg: body.mass_kg };
+                let touch = Touch {
+                    depth_m,
+                    normal,
+                    velocity_m_per_s: point_velocity(body, normal),
+                    mass_kg: body.mass_kg,
+                };
                 add(&mut push, body, touch.force_n(), normal);
             }
         }
@@ -90,7 +103,10 @@ impl Arena {
 }
 
 fn near_pairs(occupants: &[Occupant<'_>]) -> Vec<(usize, usize)> {
-    let circles: Vec<_> = occupants.iter().map(|occupant| (occupant.body.pose(), occupant.body.radius_m)).collect();
+    let circles: Vec<_> = occupants
+        .iter()
+        .map(|occupant| (occupant.body.pose(), occupant.body.radius_m))
+        .collect();
     let mut near = Vec::new();
     for (a, (pose_a, radius_a)) in circles.iter().enumerate() {
         for (b, (pose_b, radius_b)) in circles.iter().enumerate().skip(a + 1) {
@@ -103,7 +119,9 @@ fn near_pairs(occupants: &[Occupant<'_>]) -> Vec<(usize, usize)> {
 }
 
 fn press_apart(occupants: &[Occupant<'_>], pushes: &mut [Push], a: usize, b: usize) {
-    let (Some(body_a), Some(body_b)) = (occupants.get(a).map(|o| &*o.body), occupants.get(b).map(|o| &*o.body)) else { return };
+    let (Some(body_a), Some(body_b)) = (occupants.get(a).map(|o| &*o.body), occupants.get(b).map(|o| &*o.body)) else {
+        return;
+    };
     let (pose_a, pose_b) = (body_a.pose(), body_b.pose());
     let (dx, dy) = (pose_a.x_m - pose_b.x_m, pose_a.y_m - pose_b.y_m);
     let distance_m = dx.hypot(dy);
@@ -111,11 +129,21 @@ fn press_apart(occupants: &[Occupant<'_>], pushes: &mut [Push], a: usize, b: usi
     if depth_m <= 0.0 {
         return;
     }
-    let normal = if distance_m > 1e-9 { [dx / distance_m, dy / distance_m] } else { [1.0, 0.0] };
+    let normal = if distance_m > 1e-9 {
+        [dx / distance_m, dy / distance_m]
+    } else {
+        [1.0, 0.0]
+    };
     let away = normal.map(|component| -component);
     let (va, vb) = (point_velocity(body_a, normal), point_velocity(body_b, away));
     let mass_kg = body_a.mass_kg * body_b.mass_kg / (body_a.mass_kg + body_b.mass_kg);
-    let force_n = Touch { depth_m, normal, velocity_m_per_s: [va[0] - vb[0], va[1] - vb[1]], mass_kg }.force_n();
+    let force_n = Touch {
+        depth_m,
+        normal,
+        velocity_m_per_s: [va[0] - vb[0], va[1] - vb[1]],
+        mass_kg,
+    }
+    .force_n();
     if let Some(push) = pushes.get_mut(a) {
         add(push, body_a, force_n, normal);
     }
@@ -130,7 +158,11 @@ fn touch_arm_m(body: &Body, normal: [f64; 2]) -> [f64; 2] {
 }
 
 fn point_velocity(body: &Body, normal: [f64; 2]) -> [f64; 2] {
-    let ([vx, vy], [ax, ay], r) = (body.velocity_m_per_s(), touch_arm_m(body, normal), body.yaw_rate_rad_per_s());
+    let ([vx, vy], [ax, ay], r) = (
+        body.velocity_m_per_s(),
+        touch_arm_m(body, normal),
+        body.yaw_rate_rad_per_s(),
+    );
     [vx - r * ay, vy + r * ax]
 }
 

@@ -21,7 +21,14 @@ pub struct Battery {
 
 impl Battery {
     pub fn new(nominal_v: f64, resistance_ohm: f64, capacity_ah: f64, charge: f64) -> Self {
-        Self { nominal_v, resistance_ohm, capacity_ah, charge: charge.clamp(0.0, 1.0), slow_v: 0.0, load_a: IDLE_A }
+        Self {
+            nominal_v,
+            resistance_ohm,
+            capacity_ah,
+            charge: charge.clamp(0.0, 1.0),
+            slow_v: 0.0,
+            load_a: IDLE_A,
+        }
     }
 
     /// Lithium cells: flat in the middle, steep at the end.

@@ -45,7 +45,11 @@ impl Bristles {
         let fade = speed / DAMPING_FADE_M_PER_S;
         let damping_s_per_m = DAMPING_S_PER_M / (1.0 + fade * fade);
         let mut force_n = [0.0; 2];
-        for ((force, deflection), velocity) in force_n.iter_mut().zip(&mut self.deflection_m).zip(slip.velocity_m_per_s) {
+        for ((force, deflection), velocity) in force_n
+            .iter_mut()
+            .zip(&mut self.deflection_m)
+            .zip(slip.velocity_m_per_s)
+        {
             let before = *deflection;
             *deflection = (before + dt_s * velocity) / (1.0 + dt_s * decay_per_s);
             *force = slip.load_n * (STIFFNESS_PER_M * *deflection + damping_s_per_m * (*deflection - before) / dt_s);
@@ -68,7 +72,12 @@ mod tests {
 
     fn settle(velocity: [f64; 2], rolling_m_per_s: f64) -> [f64; 2] {
         let mut bristles = Bristles::default();
-        let slip = Slip { velocity_m_per_s: velocity, rolling_m_per_s, friction: 0.8, load_n: 30.0 };
+        let slip = Slip {
+            velocity_m_per_s: velocity,
+            rolling_m_per_s,
+            friction: 0.8,
+            load_n: 30.0,
+        };
         (0..7680).fold([0.0; 2], |_, _| bristles.step(&slip, DT_S))
     }
 
@@ -78,7 +87,10 @@ mod tests {
             let [along, across] = settle(velocity, 0.0);
             let size = along.hypot(across);
             assert!((size - 24.0 * KINETIC_SHARE).abs() < 0.1, "{size}");
-            assert!((along * velocity[1] - across * velocity[0]).abs() < 1e-6 && along * velocity[0] + across * velocity[1] > 0.0);
+            assert!(
+                (along * velocity[1] - across * velocity[0]).abs() < 1e-6
+                    && along * velocity[0] + across * velocity[1] > 0.0
+            );
         }
     }
 
@@ -91,7 +103,12 @@ mod tests {
     #[test]
     fn a_small_push_is_held_by_the_bristles() {
         let mut bristles = Bristles::default();
-        let slip = |velocity| Slip { velocity_m_per_s: [velocity, 0.0], rolling_m_per_s: 0.0, friction: 0.8, load_n: 30.0 };
+        let slip = |velocity| Slip {
+            velocity_m_per_s: [velocity, 0.0],
+            rolling_m_per_s: 0.0,
+            friction: 0.8,
+            load_n: 30.0,
+        };
         for _ in 0..10 {
             bristles.step(&slip(0.01), DT_S);
         }

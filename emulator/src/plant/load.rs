@@ -47,7 +47,11 @@ impl Loads {
             let along = |column: usize| spring.stiffness * (0..3).map(|i| row[i] * inverse[i][column]).sum::<f64>();
             *coefficient = [along(0) * weight_n, -along(1) * lever_kg_m, -along(2) * lever_kg_m];
         }
-        Self { weight_n, coefficients, lean_m_per_s2: [0.0; 2] }
+        Self {
+            weight_n,
+            coefficients,
+            lean_m_per_s2: [0.0; 2],
+        }
     }
 
     /// Loads after a step under an acceleration (forward, left). A lifted wheel carries nothing, the others the whole weight.
@@ -57,7 +61,9 @@ impl Loads {
             *lean += share * (acceleration - *lean);
         }
         let [forward, left] = self.lean_m_per_s2;
-        let loads = self.coefficients.map(|[rest, per_forward, per_left]| (rest + per_forward * forward + per_left * left).max(0.0));
+        let loads = self
+            .coefficients
+            .map(|[rest, per_forward, per_left]| (rest + per_forward * forward + per_left * left).max(0.0));
         let scale = self.weight_n / loads.iter().sum::<f64>().max(1e-9);
         loads.map(|load| load * scale)
     }
@@ -78,14 +84,25 @@ mod tests {
 
     #[test]
     fn loads_balance_weight_and_moments() {
-        let springs = [(0.12, 0.12, 1.2), (-0.12, 0.12, 0.9), (-0.12, -0.12, 1.0), (0.12, -0.12, 0.8)];
+        let springs = [
+            (0.12, 0.12, 1.2),
+            (-0.12, 0.12, 0.9),
+            (-0.12, -0.12, 1.0),
+            (0.12, -0.12, 0.8),
+        ];
         let springs = springs.map(|(x_m, y_m, stiffness)| Spring { x_m, y_m, stiffness });
         let mut loads = Loads::new(&springs, 12.0, 0.11);
         let mut carried = [0.0; MAX_WHEELS];
         for _ in 0..10_000 {
             carried = loads.step([1.5, -0.5], Step { dt_s: 1e-3 });
         }
-        let sum = |of: fn(&Spring) -> f64| springs.iter().zip(carried).map(|(spring, load)| of(spring) * load).sum::<f64>();
+        let sum = |of: fn(&Spring) -> f64| {
+            springs
+                .iter()
+                .zip(carried)
+                .map(|(spring, load)| of(spring) * load)
+                .sum::<f64>()
+        };
         assert!((sum(|_| 1.0) - 12.0 * GRAVITY_M_PER_S2).abs() < 1e-3);
         assert!((sum(|spring| spring.x_m) + 12.0 * 0.11 * 1.5).abs() < 1e-3);
         assert!((sum(|spring| spring.y_m) - 12.0 * 0.11 * 0.5).abs() < 1e-3);

@@ -38,15 +38,18 @@ impl Motor {
         let dt_s = step.dt_s;
         state.current_a = voltage_v.map_or(0.0, |voltage_v| {
             let driving_v = voltage_v - self.constant_n_m_per_a * state.speed_rad_per_s;
-            let current_a = (state.current_a + dt_s / self.inductance_h * driving_v) / (1.0 + dt_s * self.resistance_ohm / self.inductance_h);
+            let current_a = (state.current_a + dt_s / self.inductance_h * driving_v)
+                / (1.0 + dt_s * self.resistance_ohm / self.inductance_h);
             current_a.clamp(-self.current_limit_a, self.current_limit_a)
         });
         let cogging_n_m = self.cogging_n_m * (self.cogging_per_rad * state.angle_rad + self.cogging_phase_rad).sin();
         let driving_n_m = self.constant_n_m_per_a * state.current_a - cogging_n_m - gear_torque_n_m;
         // Friction enters implicitly: it can stop the rotor but not turn it round.
-        let friction_n_m_s = self.viscous_n_m_s + self.coulomb_n_m / (state.speed_rad_per_s.abs() + COULOMB_HALF_RAD_PER_S);
+        let friction_n_m_s =
+            self.viscous_n_m_s + self.coulomb_n_m / (state.speed_rad_per_s.abs() + COULOMB_HALF_RAD_PER_S);
         let inertia = self.rotor_inertia_kg_m2;
-        state.speed_rad_per_s = (state.speed_rad_per_s + dt_s * driving_n_m / inertia) / (1.0 + dt_s * friction_n_m_s / inertia);
+        state.speed_rad_per_s =
+            (state.speed_rad_per_s + dt_s * driving_n_m / inertia) / (1.0 + dt_s * friction_n_m_s / inertia);
         state.angle_rad += dt_s * state.speed_rad_per_s;
     }
 }
@@ -105,12 +108,20 @@ mod tests {
         }
         let friction_n_m = 0.0004 * state.speed_rad_per_s + 0.02;
         let expected = (12.0 - 0.6 * friction_n_m / 0.5952) / 0.5952;
-        assert!((state.speed_rad_per_s - expected).abs() < 0.02, "{} {expected}", state.speed_rad_per_s);
+        assert!(
+            (state.speed_rad_per_s - expected).abs() < 0.02,
+            "{} {expected}",
+            state.speed_rad_per_s
+        );
     }
 
     #[test]
     fn the_gear_only_pushes_and_only_beyond_its_play() {
-        let gear = Gear { half_backlash_rad: 0.01, stiffness_n_m_per_rad: 60.0, damping_n_m_s: 0.06 };
+        let gear = Gear {
+            half_backlash_rad: 0.01,
+            stiffness_n_m_per_rad: 60.0,
+            damping_n_m_s: 0.06,
+        };
         assert_eq!(gear.torque_n_m(0.009, 5.0), 0.0);
         assert!((gear.torque_n_m(0.02, 0.0) - 0.6).abs() < 1e-12 && (gear.torque_n_m(-0.02, 0.0) + 0.6).abs() < 1e-12);
         assert_eq!(gear.torque_n_m(0.011, -50.0), 0.0);

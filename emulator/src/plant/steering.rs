@@ -26,11 +26,14 @@ impl Steering {
     pub fn step(&self, state: &mut SteeringState, command_rad: f64, step: Step) {
         let wanted_rad = command_rad.clamp(-self.angle_limit_rad, self.angle_limit_rad);
         let natural_rad_per_s = 2.0 / self.lag_s.max(1e-3);
-        let acceleration = natural_rad_per_s * natural_rad_per_s * (wanted_rad - state.servo_rad) - 2.0 * natural_rad_per_s * state.servo_rad_per_s;
+        let acceleration = natural_rad_per_s * natural_rad_per_s * (wanted_rad - state.servo_rad)
+            - 2.0 * natural_rad_per_s * state.servo_rad_per_s;
         let rate = state.servo_rad_per_s + step.dt_s * acceleration;
         state.servo_rad_per_s = rate.clamp(-self.rate_limit_rad_per_s, self.rate_limit_rad_per_s);
         state.servo_rad += step.dt_s * state.servo_rad_per_s;
-        state.angle_rad = state.angle_rad.clamp(state.servo_rad - self.play_rad, state.servo_rad + self.play_rad);
+        state.angle_rad = state
+            .angle_rad
+            .clamp(state.servo_rad - self.play_rad, state.servo_rad + self.play_rad);
     }
 
     /// Angle of a wheel at `left_m` so that all axes meet in one point.
@@ -44,8 +47,13 @@ impl Steering {
 mod tests {
     use super::*;
 
-    const STEERING: Steering =
-        Steering { lag_s: 0.08, rate_limit_rad_per_s: 6.0, angle_limit_rad: 0.5, play_rad: 0.0, wheelbase_m: 0.26 };
+    const STEERING: Steering = Steering {
+        lag_s: 0.08,
+        rate_limit_rad_per_s: 6.0,
+        angle_limit_rad: 0.5,
+        play_rad: 0.0,
+        wheelbase_m: 0.26,
+    };
 
     #[test]
     fn reaches_the_limited_angle_without_breaking_the_rate_limit() {
@@ -60,7 +68,10 @@ mod tests {
 
     #[test]
     fn wheel_axes_meet_in_one_point() {
-        let state = SteeringState { angle_rad: 0.3, ..SteeringState::default() };
+        let state = SteeringState {
+            angle_rad: 0.3,
+            ..SteeringState::default()
+        };
         let centre = |left_m: f64| left_m + 0.26 / STEERING.wheel_angle_rad(&state, left_m).tan();
         assert!((centre(0.12) - centre(-0.12)).abs() < 1e-9 && centre(0.12) > 0.0);
     }

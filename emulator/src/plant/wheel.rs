@@ -70,19 +70,28 @@ impl Wheel {
         let [cos, sin] = state.direction;
         let [forward, left] = input.hub_m_per_s;
         if self.kind == WheelKind::Caster {
-            let drag = (self.roller_drag + input.rolling_resistance) * input.load_n / (forward.hypot(left) + DRAG_HALF_M_PER_S);
+            let drag = (self.roller_drag + input.rolling_resistance) * input.load_n
+                / (forward.hypot(left) + DRAG_HALF_M_PER_S);
             return [-drag * forward, -drag * left];
         }
         let (along, across) = (forward * cos + left * sin, left * cos - forward * sin);
         let rim_m_per_s = self.radius_m * state.speed_rad_per_s;
         let across_slip = if self.kind == WheelKind::Omni { 0.0 } else { -across };
-        let slip = Slip { velocity_m_per_s: [rim_m_per_s - along, across_slip], rolling_m_per_s: rim_m_per_s.abs(), friction: input.friction, load_n: input.load_n };
+        let slip = Slip {
+            velocity_m_per_s: [rim_m_per_s - along, across_slip],
+            rolling_m_per_s: rim_m_per_s.abs(),
+            friction: input.friction,
+            load_n: input.load_n,
+        };
         let [force_along, mut force_across] = state.bristles.step(&slip, step.dt_s);
         if self.kind == WheelKind::Omni {
             force_across = -self.roller_drag * input.load_n * across / (across.abs() + DRAG_HALF_M_PER_S);
         }
         self.spin(state, input, force_along, step);
-        [force_along * cos - force_across * sin, force_along * sin + force_across * cos]
+        [
+            force_along * cos - force_across * sin,
+            force_along * sin + force_across * cos,
+        ]
     }
 
     fn spin(&self, state: &mut WheelState, input: &WheelInput, force_along_n: f64, step: Step) {
@@ -99,7 +108,8 @@ impl Wheel {
             state.speed_rad_per_s = 0.0;
         } else {
             let torque_n_m = gear_n_m - self.radius_m * force_along_n;
-            let rolling_n_m_s = input.rolling_resistance * input.load_n * self.radius_m / (state.speed_rad_per_s.abs() + DRAG_HALF_M_PER_S / self.radius_m);
+            let rolling_n_m_s = input.rolling_resistance * input.load_n * self.radius_m
+                / (state.speed_rad_per_s.abs() + DRAG_HALF_M_PER_S / self.radius_m);
             let braking = 1.0 + dt_s * (viscous_n_m_s + rolling_n_m_s) / self.inertia_kg_m2;
             state.speed_rad_per_s = (state.speed_rad_per_s + dt_s * torque_n_m / self.inertia_kg_m2) / braking;
         }
@@ -110,7 +120,8 @@ impl Wheel {
 
     /// Kinetic and elastic energy of the wheel and its motor.
     pub fn energy_j(&self, state: &WheelState) -> f64 {
-        let spinning = 0.5 * self.inertia_kg_m2 * state.speed_rad_per_s * state.speed_rad_per_s + state.bristles.energy_j(state.load_n);
+        let spinning = 0.5 * self.inertia_kg_m2 * state.speed_rad_per_s * state.speed_rad_per_s
+            + state.bristles.energy_j(state.load_n);
         let driven = self.drive.map_or(0.0, |(motor, gear)| {
             0.5 * motor.rotor_inertia_kg_m2 * state.motor.speed_rad_per_s * state.motor.speed_rad_per_s
                 + 0.5 * motor.inductance_h * state.motor.current_a * state.motor.current_a

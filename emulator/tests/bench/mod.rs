@@ -36,14 +36,39 @@ pub fn every_chassis() -> LabDescription {
             steered: steered[i],
             ..template.clone()
         };
-        let steering = steered[0].then_some(Steering { lag_s: 0.08, rate_limit_rad_per_s: Some(6.0), angle_limit_rad: Some(0.5) });
+        let steering = steered[0].then_some(Steering {
+            lag_s: 0.08,
+            rate_limit_rad_per_s: Some(6.0),
+            angle_limit_rad: Some(0.5),
+        });
         let wheels = (0..4).map(corner).collect();
-        let body = RobotDescription { name: format!("{name}-01"), chassis: name.to_owned(), wheels, steering, ..omni.description.clone() };
-        LabRobot { number, description: body, ..omni.clone() }
+        let body = RobotDescription {
+            name: format!("{name}-01"),
+            chassis: name.to_owned(),
+            wheels,
+            steering,
+            ..omni.description.clone()
+        };
+        LabRobot {
+            number,
+            description: body,
+            ..omni.clone()
+        }
     };
-    let (front, rear, all, none) = ([true, true, false, false], [false, false, true, true], [true; 4], [false; 4]);
-    description.robots =
-        vec![omni.clone(), diff, four("diff4", 11, all, none), four("fwd", 12, front, front), four("rwd", 13, rear, front), four("awd", 14, all, front)];
+    let (front, rear, all, none) = (
+        [true, true, false, false],
+        [false, false, true, true],
+        [true; 4],
+        [false; 4],
+    );
+    description.robots = vec![
+        omni.clone(),
+        diff,
+        four("diff4", 11, all, none),
+        four("fwd", 12, front, front),
+        four("rwd", 13, rear, front),
+        four("awd", 14, all, front),
+    ];
     description
 }
 
@@ -61,11 +86,27 @@ impl Bench {
     pub fn new(description: &LabDescription, hidden: Hidden, seed: u64) -> Self {
         let laboratory = Laboratory::new(description, hidden, &keys(), seed).unwrap();
         let robots = description.robots.len();
-        Self { laboratory, telemetry: vec![None; robots], echo_ms: vec![0; robots], epoch: 1, sequence: 0, now_us: 50_000_000, ticks: 0 }
+        Self {
+            laboratory,
+            telemetry: vec![None; robots],
+            echo_ms: vec![0; robots],
+            epoch: 1,
+            sequence: 0,
+            now_us: 50_000_000,
+            ticks: 0,
+        }
     }
 
     pub fn place(&mut self, placements: &[(u8, f64, f64, f64)]) {
-        let placements: Vec<_> = placements.iter().map(|&(number, x_m, y_m, yaw_rad)| Placement { number, x_m, y_m, yaw_rad }).collect();
+        let placements: Vec<_> = placements
+            .iter()
+            .map(|&(number, x_m, y_m, yaw_rad)| Placement {
+                number,
+                x_m,
+                y_m,
+                yaw_rad,
+            })
+            .collect();
         self.laboratory.place(&placements).unwrap();
     }
 
@@ -77,7 +118,14 @@ impl Bench {
         for index in 0..self.echo_ms.len() {
             let unit = self.laboratory.unit_mut(index).unwrap();
             if let Some(command) = command(index) {
-                let header = Header { robot: unit.robot().number, epoch: self.epoch, sequence: self.sequence, tick: self.sequence, clock_ms: clock_ms(self.now_us), echo_ms: self.echo_ms[index] };
+                let header = Header {
+                    robot: unit.robot().number,
+                    epoch: self.epoch,
+                    sequence: self.sequence,
+                    tick: self.sequence,
+                    clock_ms: clock_ms(self.now_us),
+                    echo_ms: self.echo_ms[index],
+                };
                 let mut out = [0; 96];
                 let length = encode_command(&header, &command, &key, &mut out);
                 unit.receive(&out[..length], self.now_us + 1000);
@@ -90,12 +138,18 @@ impl Bench {
         }
         for index in 0..self.echo_ms.len() {
             let mut out = [0; 160];
-            let length = self.laboratory.unit_mut(index).unwrap().telemetry(self.now_us, &mut out);
+            let length = self
+                .laboratory
+                .unit_mut(index)
+                .unwrap()
+                .telemetry(self.now_us, &mut out);
             self.telemetry[index] = None;
             if length > 0 {
                 let frame = decode(&out[..length], &key).unwrap();
                 self.echo_ms[index] = frame.header.clock_ms;
-                let Payload::Telemetry(telemetry) = frame.payload else { panic!("not telemetry") };
+                let Payload::Telemetry(telemetry) = frame.payload else {
+                    panic!("not telemetry")
+                };
                 self.telemetry[index] = Some(telemetry);
             }
         }
@@ -112,19 +166,29 @@ impl Bench {
     }
 
     pub fn speed_m_per_s(&self, index: usize) -> f64 {
-        let [vx, vy] = self.laboratory.units()[index].on_floor().expect("on the floor").velocity_m_per_s();
+        let [vx, vy] = self.laboratory.units()[index]
+            .on_floor()
+            .expect("on the floor")
+            .velocity_m_per_s();
         vx.hypot(vy)
     }
 }
 
 pub fn wheels(wheel_rad_per_s: [f64; 4]) -> Option<Command> {
-    Some(Command { enable: true, wheel_rad_per_s, ..Command::default() })
+    Some(Command {
+        enable: true,
+        wheel_rad_per_s,
+        ..Command::default()
+    })
 }
 
 /// Set-points that drive the robot forward at a speed.
 pub fn forward(description: &RobotDescription, speed_m_per_s: f64) -> [f64; 4] {
     let mut set_points = [0.0; 4];
-    for (set_point, wheel) in set_points.iter_mut().zip(description.wheels.iter().filter(|wheel| wheel.driven)) {
+    for (set_point, wheel) in set_points
+        .iter_mut()
+        .zip(description.wheels.iter().filter(|wheel| wheel.driven))
+    {
         *set_point = speed_m_per_s * wheel.rolling_direction_rad.cos() / wheel.radius_m.unwrap();
     }
     set_points
