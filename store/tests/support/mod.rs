@@ -1,6 +1,9 @@
 //! A database per test: on the server of `TEST_DATABASE_URL` (or `DATABASE_URL`), else on a private PostgreSQL
 //! that this test starts and removes again, also when it panics.
 
+// Each crate that includes this uses its own part of it.
+#![allow(dead_code)]
+
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::str::FromStr;
