@@ -139,7 +139,7 @@ fn total_on_random_states_and_admissible_after_the_last_transform() {
         let limits: Vec<f64> = bodies.iter().map(|b| b.robot.max_wheel_speed_rad_per_s()).collect();
         let mut filter = SafetyFilter::new(Limits::default(), ARENA_M, bodies);
         let strange = |random: &mut Pcg, low: f64, high: f64| {
-            if random.next() % 40 == 0 {
+            if random.next().is_multiple_of(40) {
                 odd[(random.next() as usize) % odd.len()]
             } else {
                 random.between(low, high)
@@ -154,7 +154,7 @@ fn total_on_random_states_and_admissible_after_the_last_transform() {
                 strange(&mut random, -4.0, 4.0),
             );
             robot.pose_age_s = strange(&mut random, 0.0, 0.15);
-            robot.online = random.next() % 10 != 0;
+            robot.online = !random.next().is_multiple_of(10);
             robot.twist = twist(strange(&mut random, -1.0, 1.0), strange(&mut random, -1.0, 1.0), 0.0);
             robots.push(robot);
             wanted.push(twist(

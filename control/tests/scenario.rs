@@ -169,7 +169,7 @@ fn a_head_on_experiment_that_starts_overlapping_or_aims_into_the_wall_is_refused
     let experiment = json!({"format": "robopheus.experiment/1", "mode": "physical", "arena": "reference", "floor": "lab-floor",
         "robots": [
             {"name": "omni-01", "chassis": "omni4", "controller": "sam3x", "start": {"x_m": -0.2, "y_m": 0.0, "yaw_rad": 0.0}},
-            {"name": "omni-02", "chassis": "omni4", "controller": "sam3x", "start": {"x_m": 0.2, "y_m": 0.0, "yaw_rad": 3.14}}],
+            {"name": "omni-02", "chassis": "omni4", "controller": "sam3x", "start": {"x_m": 0.2, "y_m": 0.0, "yaw_rad": 3.0}}],
         "control": {"law": "go_to_point", "parameters": {}},
         "targets": [{"robot": "omni-01", "x_m": 1.9, "y_m": 0.0}, {"robot": "omni-02", "x_m": -1.0, "y_m": 0.0}],
         "duration_s": 20, "seed": 1, "model": null});
