@@ -6,6 +6,9 @@ use crate::state::AppState;
 use api::run::RunView;
 use uuid::Uuid;
 
+/// Files made for the page: downloadable by themselves, not part of the archive.
+const PAGE_FILES: [&str; 2] = ["replay.json", "track.json"];
+
 /// The archive of a run that has ended, checked against its SHA-256.
 pub async fn get(state: &AppState, run: &RunView) -> Result<ArchiveFile, AppError> {
     if !run.state.is_terminal() {
@@ -14,7 +17,8 @@ pub async fn get(state: &AppState, run: &RunView) -> Result<ArchiveFile, AppErro
             detail: format!("the run is `{}`; its archive is made when it has ended", run.state.as_str()),
         });
     }
-    let files = state.store().run_files(run.id).await?;
+    let mut files = state.store().run_files(run.id).await?;
+    files.retain(|file| !PAGE_FILES.contains(&file.name.as_str()));
     if files.is_empty() {
         return Err(AppError::NotFound { noun: "archive of run", id: run.id.to_string() });
     }
