@@ -1,0 +1,158 @@
+//! State of the robot at a moment of a run, from its measurements around that moment.
+
+use twin::free::Start;
+use twin::pose::{Pose, wrapped_rad};
+use twin::twist::BodyTwist;
+
+use crate::bundle::{Bundle, Series, Telemetry};
+use crate::channel::Channel;
+
+/// Half width of the window that poses are fitted over, s.
+const HALF_WINDOW_S: f64 = 0.1;
+/// Fewest poses in a window.
+const MIN_POSES: usize = 5;
+/// Poses on each side that a pose is compared with.
+const NEIGHBOURS: usize = 4;
+/// Distance from the median of its neighbours that makes a pose a tracker error, m.
+const OUTLIER_M: f64 = 0.05;
+/// The same for the yaw, rad; trackers flip tags by quarter and half turns.
+const OUTLIER_RAD: f64 = 0.5;
+/// Oldest wheel, current or steering sample that still describes the anchor, s.
+const MAX_AGE_S: f64 = 0.1;
+
+/// Measured poses of a run.
+#[derive(Debug, Clone, Default)]
+pub struct Track {
+    /// Row numbers in the telemetry, growing.
+    pub rows: Vec<usize>,
+    /// `time_s` less the pose latency.
+    pub time_s: Vec<f64>,
+    /// Yaw not wrapped.
+    pub poses: Vec<Pose>,
+    /// Poses left out as tracker errors.
+    pub outliers: u32,
+}
+
+impl Track {
+    /// The rows that have all three pose columns, without flips and jumps of the tracker.
+    pub fn of(bundle: &Bundle) -> Track {
+        let telemetry = &bundle.telemetry;
+        let series = [Channel::PoseX, Channel::PoseY, Channel::PoseYaw].map(|channel| telemetry.series(channel));
+        let [Some(x), Some(y), Some(yaw)] = series else { return Track::default() };
+        let at = |series: &Series, row: u32| series.rows.binary_search(&row).ok().map(|index| series.values[index]);
+        let mut all: Vec<(usize, Pose)> = Vec::new();
+        for (row, x_m) in x.rows.iter().zip(&x.values) {
+            let (Some(y_m), Some(yaw_rad)) = (at(y, *row), at(yaw, *row)) else { continue };
+            all.push((*row as usize, Pose { x_m: *x_m, y_m, yaw_rad }));
+        }
+        let mut track = Track::default();
+        for (index, (row, pose)) in all.iter().enumerate() {
+            if is_outlier(&all, index) {
+                track.outliers += 1;
+                continue;
+            }
+            let yaw_rad = track.poses.last().map_or(pose.yaw_rad, |before| before.yaw_rad + wrapped_rad(pose.yaw_rad - before.yaw_rad));
+            track.rows.push(*row);
+            track.time_s.push(telemetry.time_s[*row] - bundle.run.pose_latency_s);
+            track.poses.push(Pose { yaw_rad, ..*pose });
+        }
+        track
+    }
+
+    /// Pose and world velocity at a time by least squares of a parabola over 0.2 s of poses.
+    ///
+    /// - `None` with fewer than five poses there, or all of them on one side.
+    pub fn fitted(&self, time_s: f64) -> Option<(Pose, [f64; 3])> {
+        let from = self.time_s.partition_point(|t| *t < time_s - HALF_WINDOW_S);
+        let to = self.time_s.partition_point(|t| *t <= time_s + HALF_WINDOW_S);
+        if to < from + MIN_POSES || self.time_s[from] > time_s || self.time_s[to - 1] < time_s {
+            return None;
+        }
+        let mut moments = [0.0; 5];
+        let mut sums = [[0.0; 3]; 3];
+        for index in from..to {
+            // In windows, so that the equations are well scaled.
+            let t = (self.time_s[index] - time_s) / HALF_WINDOW_S;
+            let powers = [1.0, t, t * t];
+            for (order, moment) in moments.iter_mut().enumerate() {
+                *moment += powers[order.min(2)] * powers[order - order.min(2)];
+            }
+            let pose = &self.poses[index];
+            for (sum, value) in sums.iter_mut().zip([pose.x_m, pose.y_m, pose.yaw_rad]) {
+                for (part, power) in sum.iter_mut().zip(powers) {
+                    *part += power * value;
+                }
+            }
+        }
+        let fits = sums.map(|sum| parabola(&moments, &sum));
+        let [Some(x), Some(y), Some(yaw)] = fits else { return None };
+        let pose = Pose { x_m: x[0], y_m: y[0], yaw_rad: yaw[0] };
+        Some((pose, [x[1], y[1], yaw[1]].map(|slope| slope / HALF_WINDOW_S)))
+    }
+}
+
+/// True when a pose lies apart from the median of its neighbours.
+fn is_outlier(all: &[(usize, Pose)], index: usize) -> bool {
+    let from = index.saturating_sub(NEIGHBOURS);
+    let near = &all[from..(index + NEIGHBOURS + 1).min(all.len())];
+    let pose = &all[index].1;
+    let median = |offset: &dyn Fn(&Pose) -> f64| {
+        let mut offsets: Vec<f64> = near.iter().map(|(_, other)| offset(other)).collect();
+        offsets.sort_by(f64::total_cmp);
+        offsets[offsets.len() / 2]
+    };
+    let dx_m = median(&|other| other.x_m - pose.x_m);
+    let dy_m = median(&|other| other.y_m - pose.y_m);
+    // Sizes: half turns to either side are the same.
+    let turn_rad = median(&|other| wrapped_rad(other.yaw_rad - pose.yaw_rad).abs());
+    dx_m * dx_m + dy_m * dy_m > OUTLIER_M * OUTLIER_M || turn_rad > OUTLIER_RAD
+}
+
+/// Solves the normal equations of c0 + c1 t + c2 t^2 by Cramer's rule.
+fn parabola(m: &[f64; 5], s: &[f64; 3]) -> Option<[f64; 2]> {
+    let det = |a: [f64; 3], b: [f64; 3], c: [f64; 3]| {
+        a[0] * (b[1] * c[2] - b[2] * c[1]) - b[0] * (a[1] * c[2] - a[2] * c[1]) + c[0] * (a[1] * b[2] - a[2] * b[1])
+    };
+    let columns = [[m[0], m[1], m[2]], [m[1], m[2], m[3]], [m[2], m[3], m[4]]];
+    let whole = det(columns[0], columns[1], columns[2]);
+    if whole.abs() < 1e-9 {
+        return None;
+    }
+    Some([det(*s, columns[1], columns[2]) / whole, det(columns[0], *s, columns[2]) / whole])
+}
+
+/// The last sample not older than [`MAX_AGE_S`].
+fn recent(telemetry: &Telemetry, channel: Channel, row: usize) -> Option<f64> {
+    let series = telemetry.series(channel)?;
+    let after = series.rows.partition_point(|sample| *sample as usize <= row);
+    let index = after.checked_sub(1)?;
+    let age_s = telemetry.time_s[row] - telemetry.time_s[series.rows[index] as usize];
+    (age_s <= MAX_AGE_S).then(|| series.values[index])
+}
+
+/// Start of a prediction at a telemetry row: fitted pose and twist; wheel speeds, currents and steering as last measured.
+///
+/// - Without wheel speeds the slip-free speeds of the twist are taken; without currents none.
+/// - `None` when the poses around the row do not carry a fit.
+pub fn start_at(bundle: &Bundle, track: &Track, row: usize) -> Option<Start> {
+    let (pose, [vx, vy, yaw_rate]) = track.fitted(bundle.telemetry.time_s[row])?;
+    let (sin, cos) = libm::sincos(pose.yaw_rad);
+    let twist = BodyTwist { forward_m_per_s: vx * cos + vy * sin, left_m_per_s: vy * cos - vx * sin, yaw_rate_rad_per_s: yaw_rate };
+    let telemetry = &bundle.telemetry;
+    let steering_rad = recent(telemetry, Channel::Steering, row).or_else(|| telemetry.series(Channel::CommandSteering)?.held(row)).unwrap_or(0.0);
+    let mut start = Start { pose, twist, steering_rad, ..Start::default() };
+    let rolling = bundle.robot.wheel_speeds_holding(twist, steering_rad);
+    for (wheel, described) in bundle.run.robot.wheels.iter().enumerate() {
+        let measured = recent(telemetry, Channel::WheelSpeed(wheel), row);
+        // Passive wheels without an encoder roll with the contact point.
+        let passive = || {
+            let (s, c) = libm::sincos(described.rolling_direction_rad);
+            let along = c * (twist.forward_m_per_s - twist.yaw_rate_rad_per_s * described.y_m) + s * (twist.left_m_per_s + twist.yaw_rate_rad_per_s * described.x_m);
+            described.radius_m.map_or(0.0, |radius_m| along / radius_m)
+        };
+        let slip_free = if described.driven { rolling.wheel_rad_per_s[wheel] } else { passive() };
+        start.wheel_rad_per_s[wheel] = measured.unwrap_or(slip_free);
+        start.current_a[wheel] = recent(telemetry, Channel::Current(wheel), row).unwrap_or(0.0);
+    }
+    Some(start)
+}

@@ -1,0 +1,249 @@
+//! Residual r5, end to end: commands replayed through the twin against measured poses.
+//!
+//! Every 2 s the twin's path is laid on the measured one (the anchor) and driven on by the recorded commands alone; the
+//! gap is the distance between its pose and the measured one 0.5, 1, 2 and 5 s later. The twin starts 0.3 s before the
+//! anchor in the measured state, so that its speed loops have settled, and is anchored by the rigid motion that best
+//! takes its poses to the measured ones within 0.1 s of the anchor. It shows everything and names nothing.
+
+use serde::Serialize;
+use twin::pose::{Pose, wrapped_rad};
+use twin::replay::{CommandRow, HeldCommand, ReplayError, ReplayRow, replay_from};
+use twin::robot::Robot;
+
+use crate::anchor::{Track, start_at};
+use crate::bundle::Bundle;
+
+/// Horizons, s.
+pub const HORIZONS_S: [f64; 4] = [0.5, 1.0, 2.0, 5.0];
+/// Time from one anchor to the next, s.
+pub const ANCHOR_PERIOD_S: f64 = 2.0;
+/// Time that the twin runs before it is anchored, s.
+pub const RUN_IN_S: f64 = 0.3;
+/// Half width of the window of poses that the twin is laid on, s.
+const ANCHOR_WINDOW_S: f64 = 0.1;
+/// Fewest poses in that window.
+const MIN_ANCHOR_POSES: usize = 5;
+/// A measured pose this close to a horizon stands for it, s.
+const HORIZON_TOLERANCE_S: f64 = 0.05;
+
+/// RMS prediction gap at one horizon.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct HorizonGap {
+    pub horizon_s: f64,
+    /// RMS distance of the positions; 0 when `samples` is 0.
+    pub position_m: f64,
+    /// RMS difference of the yaw, wrapped.
+    pub yaw_rad: f64,
+    /// Anchors that had a measured pose at this horizon.
+    pub samples: u32,
+}
+
+/// One prediction against one measured pose.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct GapSample {
+    /// `time_s` of the anchor.
+    pub anchor_s: f64,
+    pub horizon_s: f64,
+    /// Predicted less measured, in the measured body frame: positive = the twin is ahead.
+    pub forward_m: f64,
+    /// Positive = the twin is to the left.
+    pub left_m: f64,
+    pub yaw_rad: f64,
+}
+
+/// Residual r5 of one run.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct EndToEndGap {
+    /// In the order of [`HORIZONS_S`].
+    pub horizons: Vec<HorizonGap>,
+    /// In order of anchor, then horizon.
+    pub samples: Vec<GapSample>,
+    /// Anchors where the measurements did not carry a start.
+    pub anchors_skipped: u32,
+    /// Poses left out as flips or jumps of the tracker.
+    pub pose_outliers: u32,
+}
+
+/// Why a run has no end-to-end gap.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum GapError {
+    #[error("the run has no measured poses (pose_x_m, pose_y_m and pose_yaw_rad in one row)")]
+    NoPoses,
+    #[error("the run has no commands")]
+    NoCommands,
+    #[error("the run is shorter than {0} s after its first usable anchor")]
+    TooShort(f64),
+    #[error("prediction from {anchor_s} s: {source}")]
+    Replay { anchor_s: f64, source: ReplayError },
+}
+
+/// End-to-end gap of a run under its own robot description.
+pub fn end_to_end(bundle: &Bundle) -> Result<EndToEndGap, GapError> {
+    end_to_end_with(bundle, &bundle.robot)
+}
+
+/// End-to-end gap of a run when `robot` predicts it.
+pub fn end_to_end_with(bundle: &Bundle, robot: &Robot) -> Result<EndToEndGap, GapError> {
+    let track = Track::of(bundle);
+    let (Some(first_s), Some(last_s)) = (track.time_s.first(), track.time_s.last()) else { return Err(GapError::NoPoses) };
+    if !bundle.telemetry.channels.keys().any(|channel| channel.is_command()) {
+        return Err(GapError::NoCommands);
+    }
+    let rows = delayed_rows(bundle);
+    let mut gap = EndToEndGap { pose_outliers: track.outliers, ..EndToEndGap::default() };
+    let mut begin_s = *first_s;
+    let mut held = HeldCommand::default();
+    let mut applied = 0;
+    while begin_s + RUN_IN_S + HORIZONS_S[0] <= *last_s {
+        let row = bundle.telemetry.time_s.partition_point(|t| *t < begin_s);
+        let start = if row < rows.len() { start_at(bundle, &track, row) } else { None };
+        let done = match start {
+            None => false,
+            Some(start) => {
+                let start_s = bundle.telemetry.time_s[row];
+                while applied < rows.len() && rows[applied].time_s <= start_s {
+                    held.apply(robot, &rows[applied]);
+                    applied += 1;
+                }
+                let anchor = Anchor::at(&track, start_s + RUN_IN_S);
+                let plan = anchor.plan(&rows[applied..], start_s, &track);
+                let out = replay_from(robot, &start, held, &plan).map_err(|source| GapError::Replay { anchor_s: anchor.time_s, source })?;
+                gap.collect(&anchor, &track, &out)
+            }
+        };
+        gap.anchors_skipped += u32::from(!done);
+        begin_s += ANCHOR_PERIOD_S;
+    }
+    if gap.samples.is_empty() {
+        return Err(GapError::TooShort(RUN_IN_S + HORIZONS_S[0]));
+    }
+    gap.summarise();
+    Ok(gap)
+}
+
+/// Command rows at the time they take effect.
+fn delayed_rows(bundle: &Bundle) -> Vec<CommandRow> {
+    let mut rows = bundle.command_rows();
+    for row in &mut rows {
+        row.time_s += bundle.run.command_delay_s;
+    }
+    rows
+}
+
+/// A moment of the track: the measured poses around it and those at the horizons, as positions in the track.
+struct Anchor {
+    time_s: f64,
+    window: core::ops::Range<usize>,
+    goals: Vec<(f64, usize)>,
+}
+
+impl Anchor {
+    fn at(track: &Track, time_s: f64) -> Anchor {
+        let from = track.time_s.partition_point(|t| *t < time_s - ANCHOR_WINDOW_S);
+        let to = track.time_s.partition_point(|t| *t <= time_s + ANCHOR_WINDOW_S);
+        let mut goals = Vec::new();
+        for horizon_s in HORIZONS_S {
+            let wanted_s = time_s + horizon_s;
+            let after = track.time_s.partition_point(|t| *t < wanted_s);
+            let sides = [after.checked_sub(1), Some(after)].into_iter().flatten().filter(|index| *index < track.time_s.len());
+            let distance_s = |index: &usize| (track.time_s[*index] - wanted_s).abs();
+            let nearest = sides.min_by(|a, b| distance_s(a).total_cmp(&distance_s(b)));
+            goals.extend(nearest.filter(|index| distance_s(index) <= HORIZON_TOLERANCE_S).map(|index| (horizon_s, index)));
+        }
+        Anchor { time_s, window: from..to, goals }
+    }
+
+    /// Rows for the replay: the start, the commands up to the last goal, and the times where poses are compared.
+    fn plan(&self, rows: &[CommandRow], start_s: f64, track: &Track) -> Vec<CommandRow> {
+        let mut plan = vec![CommandRow { time_s: start_s, ..CommandRow::default() }];
+        let compared = || self.window.clone().chain(self.goals.iter().map(|(_, index)| *index)).map(|index| track.time_s[index]);
+        let end_s = compared().fold(start_s, f64::max);
+        plan.extend(rows.iter().take_while(|row| row.time_s <= end_s));
+        for time_s in compared().filter(|time_s| *time_s > start_s) {
+            let at = plan.partition_point(|row| row.time_s < time_s);
+            if plan.get(at).is_none_or(|row| row.time_s != time_s) {
+                plan.insert(at, CommandRow { time_s, ..CommandRow::default() });
+            }
+        }
+        plan
+    }
+
+    /// The rigid motion that takes the twin's poses in the window to the measured ones; `None` with too few poses.
+    fn measured_from_twin(&self, track: &Track, out: &[ReplayRow]) -> Option<RigidMotion> {
+        let pairs: Vec<(Pose, Pose)> = self.window.clone().filter_map(|index| Some((pose_at(out, track.time_s[index])?, track.poses[index]))).collect();
+        if pairs.len() < MIN_ANCHOR_POSES {
+            return None;
+        }
+        let count = pairs.len() as f64;
+        let mean = |value: &dyn Fn(&(Pose, Pose)) -> f64| pairs.iter().map(value).sum::<f64>() / count;
+        // Around the first pair, so that the mean of wrapped angles is one.
+        let base_rad = pairs[0].1.yaw_rad - pairs[0].0.yaw_rad;
+        let turn_rad = base_rad + mean(&|(twin, measured)| wrapped_rad(measured.yaw_rad - twin.yaw_rad - base_rad));
+        let (sin, cos) = libm::sincos(turn_rad);
+        let (x, y) = (mean(&|(twin, _)| twin.x_m), mean(&|(twin, _)| twin.y_m));
+        let x_m = mean(&|(_, measured)| measured.x_m) - (cos * x - sin * y);
+        let y_m = mean(&|(_, measured)| measured.y_m) - (sin * x + cos * y);
+        Some(RigidMotion { cos, sin, turn_rad, x_m, y_m })
+    }
+}
+
+struct RigidMotion {
+    cos: f64,
+    sin: f64,
+    turn_rad: f64,
+    x_m: f64,
+    y_m: f64,
+}
+
+impl RigidMotion {
+    fn apply(&self, pose: &Pose) -> Pose {
+        Pose {
+            x_m: self.x_m + self.cos * pose.x_m - self.sin * pose.y_m,
+            y_m: self.y_m + self.sin * pose.x_m + self.cos * pose.y_m,
+            yaw_rad: pose.yaw_rad + self.turn_rad,
+        }
+    }
+}
+
+/// The twin's pose at a time that the replay was asked for.
+fn pose_at(out: &[ReplayRow], time_s: f64) -> Option<Pose> {
+    out.binary_search_by(|row| row.time_s.total_cmp(&time_s)).ok().map(|found| out[found].state.pose)
+}
+
+impl EndToEndGap {
+    /// Adds the samples of one anchor; false when it cannot be anchored.
+    fn collect(&mut self, anchor: &Anchor, track: &Track, out: &[ReplayRow]) -> bool {
+        let Some(motion) = anchor.measured_from_twin(track, out) else { return false };
+        for (horizon_s, index) in &anchor.goals {
+            let measured = &track.poses[*index];
+            let Some(predicted) = pose_at(out, track.time_s[*index]).map(|pose| motion.apply(&pose)) else { continue };
+            let (dx, dy) = (predicted.x_m - measured.x_m, predicted.y_m - measured.y_m);
+            let (sin, cos) = libm::sincos(measured.yaw_rad);
+            self.samples.push(GapSample {
+                anchor_s: anchor.time_s,
+                horizon_s: *horizon_s,
+                forward_m: dx * cos + dy * sin,
+                left_m: dy * cos - dx * sin,
+                yaw_rad: wrapped_rad(predicted.yaw_rad - measured.yaw_rad),
+            });
+        }
+        true
+    }
+
+    fn summarise(&mut self) {
+        for horizon_s in HORIZONS_S {
+            let mut gap = HorizonGap { horizon_s, ..HorizonGap::default() };
+            let (mut position, mut yaw) = (0.0, 0.0);
+            for sample in self.samples.iter().filter(|sample| sample.horizon_s == horizon_s) {
+                position += sample.forward_m * sample.forward_m + sample.left_m * sample.left_m;
+                yaw += sample.yaw_rad * sample.yaw_rad;
+                gap.samples += 1;
+            }
+            if gap.samples > 0 {
+                gap.position_m = (position / f64::from(gap.samples)).sqrt();
+                gap.yaw_rad = (yaw / f64::from(gap.samples)).sqrt();
+            }
+            self.horizons.push(gap);
+        }
+    }
+}

@@ -1,0 +1,91 @@
+//! What the reader takes and what it refuses.
+
+mod support;
+
+use identify::bundle::{Bundle, BundleError};
+use identify::channel::Channel;
+use support::run_json;
+
+fn parse(csv: &str) -> Result<Bundle, BundleError> {
+    Bundle::parse(&run_json(), csv.as_bytes())
+}
+
+fn refused(csv: &str) -> String {
+    match parse(csv) {
+        Ok(_) => panic!("took {csv:?}"),
+        Err(error) => error.to_string(),
+    }
+}
+
+#[test]
+fn channels_may_have_different_rates() {
+    let csv = "time_s,command_wheel_0_rad_per_s,pose_x_m,gyro_z_rad_per_s\n0.0,1.5,,0.1\n0.01,,0.25,\n0.02,2.5,,0.2\n";
+    let Ok(bundle) = parse(csv) else { panic!("refused") };
+    assert_eq!(bundle.telemetry.time_s, [0.0, 0.01, 0.02]);
+    let Some(command) = bundle.telemetry.series(Channel::CommandWheel(0)) else { panic!("no commands") };
+    assert_eq!((command.rows.as_slice(), command.values.as_slice()), (&[0, 2][..], &[1.5, 2.5][..]));
+    assert_eq!(command.held(1), Some(1.5));
+    assert_eq!(bundle.telemetry.series(Channel::PoseY), None);
+    let rows = bundle.command_rows();
+    assert_eq!(rows[1].wheel_rad_per_s[0], None);
+    assert_eq!(rows[2].wheel_rad_per_s[0], Some(2.5));
+}
+
+#[test]
+fn errors_name_line_and_column() {
+    assert_eq!(refused("time_s,pose_x_m\n0.0,1\n0.1,abc\n"), "telemetry line 3, column \"pose_x_m\": \"abc\" is not a number");
+    assert!(refused("time_s,pose_x_m\n0.0,NaN\n").contains("line 2, column \"pose_x_m\": \"NaN\" is not finite"));
+    assert_eq!(refused("time_s,pose_x_m\n0.0,1\n0.1,1\n0.05,1\n"), "telemetry line 4, column \"time_s\": time runs backward: 0.05 s after 0.1 s");
+    assert!(refused("time_s,pose_x_m\n0.1,1\n0.1,1\n").contains("line 3, column \"time_s\": time stamp 0.1 s stands twice"));
+    assert!(refused("time_s,pose_x_m\n0.1,1\n0.2\n").contains("line 3: 1 cells where the header has 2"));
+    assert!(refused("time_s,pose_x_m\n,1\n").contains("line 2, column \"time_s\": empty"));
+    assert!(refused("pose_x_m\n1\n").contains("column \"time_s\": missing"));
+    assert!(refused("time_s,pose_x_m,pose_x_m\n0,1,2\n").contains("column \"pose_x_m\": stands twice"));
+    assert!(refused("time_s,pose_x_m\n").contains("no rows"));
+    assert!(matches!(Bundle::parse(&run_json(), b"time_s,bus_v\n0,1\n1,\xff\n"), Err(BundleError::Row { line: 3, .. })));
+}
+
+#[test]
+fn wheels_must_exist_and_be_driven() {
+    assert!(refused("time_s,wheel_5_rad\n0,1\n").contains("the robot has 4 wheels"));
+    assert!(refused("time_s,command_wheel_2_rad_per_s\n0,1\n").contains("wheel 2 is not driven"));
+}
+
+#[test]
+fn degrees_are_refused() {
+    assert!(refused("time_s,pose_yaw_rad\n0.0,1.0\n0.1,92.5\n").contains("line 3, column \"pose_yaw_rad\": 92.5 is beyond"));
+    assert!(refused("time_s,command_steering_rad\n0.0,20\n").contains("degrees"));
+    let mut csv = "time_s,pose_yaw_rad,gyro_z_rad_per_s\n".to_owned();
+    for step in 0..100 {
+        let yaw = -1.5 + 0.03 * f64::from(step);
+        csv.push_str(&format!("{},{yaw},{}\n", 0.1 * f64::from(step), 0.3_f64.to_degrees()));
+    }
+    assert!(refused(&csv).contains("column \"gyro_z_rad_per_s\": turns 57 times"));
+    assert!(parse(&csv.replace(&format!(",{}\n", 0.3_f64.to_degrees()), ",0.3\n")).is_ok());
+}
+
+#[test]
+fn odd_channels_are_remarked() {
+    let csv = "time_s,command_wheel_0_rad_per_s,bus_v,current_0_a,mood\n0.0,1,24,,x\n0.1,1,24,,y\n3.0,1,24,,z\n";
+    let Ok(bundle) = parse(csv) else { panic!("refused") };
+    let about = |column: &str| bundle.remarks.iter().filter(|remark| remark.column == column).map(|remark| remark.message.as_str()).collect::<Vec<_>>();
+    assert_eq!(about("bus_v"), ["constant at 24 in all 3 samples"]);
+    assert_eq!(about("current_0_a"), ["no sample in any row"]);
+    assert_eq!(about("mood"), ["not a column of the format; not read"]);
+    assert_eq!(about("command_wheel_1_rad_per_s").len(), 1);
+    assert_eq!(about("time_s"), ["no rows between 0.1 s and 3 s"]);
+    assert!(about("command_wheel_0_rad_per_s").is_empty());
+}
+
+#[test]
+fn run_documents_are_checked() {
+    let csv = b"time_s\n0\n".as_slice();
+    let swap = |from: &str, to: &str| match Bundle::parse(&run_json().replacen(from, to, 1), csv) {
+        Ok(_) => panic!("took {to}"),
+        Err(error) => error.to_string(),
+    };
+    assert!(swap("robopheus.run/1", "robopheus.run/9").starts_with("run.json format:"));
+    assert!(swap("\"mass_kg\":12.0", "\"mass_kg\":-12.0").starts_with("run.json robot.mass_kg: -12 is out of range"));
+    assert!(swap("\"floor\"", "\"flor\"").starts_with("run.json line 1, column "));
+    assert!(swap("\"change_free_reference\":true", "\"change_free_reference\":true,\"command_delay_s\":9").contains("command_delay_s"));
+}
