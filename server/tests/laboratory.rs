@@ -71,6 +71,7 @@ async fn a_run_goes_through_the_laboratory_and_comes_back_as_an_archive() {
     service.put_ok(&attempt, "robots/omni-01/telemetry.parquet", &[7; 300_000]).await;
     service.put_ok(&attempt, "log.txt", b"a log").await;
     service.put_ok(&attempt, "log.txt", b"a longer log").await;
+    service.put_ok(&attempt, "track.json", b"{}").await;
     service.put_ok(&attempt, "manifest.json", b"{\"complete\":true,\"files\":[]}").await;
     let done = service.report(&attempt, "done").await;
     assert_eq!(done["state"], "done");
@@ -98,7 +99,7 @@ async fn check_archive(service: &Service, run: Uuid) {
     assert_eq!(etag, format!("\"{}\"", sha256(&bytes)));
     let mut zip = zip::ZipArchive::new(std::io::Cursor::new(bytes.clone())).expect("a zip");
     let names: Vec<_> = (0..zip.len()).map(|i| zip.by_index(i).expect("member").name().expect("name").into_owned()).collect();
-    assert_eq!(names, ["manifest.json", "log.txt", "replay.json", "robots/omni-01/telemetry.parquet"]);
+    assert_eq!(names, ["manifest.json", "log.txt", "robots/omni-01/telemetry.parquet"], "without the page's own files");
 
     // Fifty interrupted downloads give the same bytes.
     let mut pieces = Vec::new();

@@ -2,6 +2,7 @@
 
 mod support;
 
+use api::experiment::Experiment;
 use reqwest::header::CONTENT_TYPE;
 use reqwest::{Method, StatusCode};
 use serde_json::{Value, json};
@@ -19,7 +20,8 @@ async fn a_submission_is_stored_once_per_key() {
     let location = first.headers()["location"].to_str().expect("ascii").to_owned();
     let first: Value = first.json().await.expect("JSON");
     assert_eq!(location, format!("/api/v1/experiments/{}", first["id"].as_str().expect("id")));
-    assert_eq!(first["experiment"], submission()["experiment"], "the document comes back as it was sent");
+    let document = |value: &Value| serde_json::from_value::<Experiment>(value.clone()).expect("experiment");
+    assert_eq!(document(&first["experiment"]), document(&submission()["experiment"]), "it comes back as it was sent");
     assert_eq!(first["submitted_by"], "local");
 
     let again = send(submission(), "a").await.expect("answer");

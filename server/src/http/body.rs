@@ -115,6 +115,8 @@ fn malformed(rejection: JsonRejection) -> ApiError {
         _ if field == "." => String::new(),
         _ => field.to_owned(),
     };
+    // Paths are those of the experiment document, as in the problems of its rules.
+    let field = field.strip_prefix("experiment.").map_or(field.clone(), str::to_owned);
     let problem = FieldProblem {
         field,
         message: format!("{why} ({place})"),
