@@ -4,8 +4,8 @@ use crate::jobs::{Ending, rehearse};
 use crate::stop::Stop;
 use crate::{STORE_CALL_LIMIT, decide};
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use store::{Change, JobLease, JobWrite, Store, StoreError};
 use tokio::sync::broadcast::{self, error::RecvError};
@@ -144,7 +144,9 @@ fn log_ending(job: &JobLease, ending: &Ending) {
             let (accepted, digest) = (record.accepted, record.verdict.digest.as_str());
             tracing::info!(run.id = %job.run_id, accepted, digest, "rehearsed");
         }
-        Ending::Failed { error, .. } => tracing::warn!(run.id = %job.run_id, attempt = job.attempt, error, "rehearsal failed"),
+        Ending::Failed { error, .. } => {
+            tracing::warn!(run.id = %job.run_id, attempt = job.attempt, error, "rehearsal failed")
+        }
         Ending::Nothing | Ending::Stopped => {}
     }
 }

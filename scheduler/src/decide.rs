@@ -30,7 +30,11 @@ pub fn after_rehearsal(verdict: &Verdict, claim: Option<&DigestClaim>) -> Decisi
     if verdict.accepted {
         return Decision::Queue;
     }
-    Decision::Reject(Fault { whose: Whose::User, code: "rejected_by_twin".to_owned(), message: verdict.sentence.clone() })
+    Decision::Reject(Fault {
+        whose: Whose::User,
+        code: "rejected_by_twin".to_owned(),
+        message: verdict.sentence.clone(),
+    })
 }
 
 fn digest_mismatch(verdict: &Verdict, claim: &DigestClaim) -> Fault {
@@ -52,11 +56,18 @@ fn digest_mismatch(verdict: &Verdict, claim: &DigestClaim) -> Fault {
 /// Fault of an experiment that the twin cannot even start.
 pub fn invalid_experiment<'a>(problems: impl ExactSizeIterator<Item = (&'a str, &'a str)>) -> Fault {
     let count = problems.len();
-    let mut quoted: Vec<String> = problems.take(PROBLEMS_QUOTED).map(|(field, message)| format!("{field}: {message}")).collect();
+    let mut quoted: Vec<String> = problems
+        .take(PROBLEMS_QUOTED)
+        .map(|(field, message)| format!("{field}: {message}"))
+        .collect();
     if count > PROBLEMS_QUOTED {
         quoted.push(format!("and {} more", count - PROBLEMS_QUOTED));
     }
-    Fault { whose: Whose::User, code: "invalid_experiment".to_owned(), message: quoted.join("; ") }
+    Fault {
+        whose: Whose::User,
+        code: "invalid_experiment".to_owned(),
+        message: quoted.join("; "),
+    }
 }
 
 /// Time until the next try of a job: full jitter below a doubling ceiling, never outside
@@ -71,7 +82,9 @@ pub fn outage_pause(failures: u32, random: u64) -> Duration {
 }
 
 fn jittered(tries: u32, random: u64, shortest: Duration, longest: Duration) -> Duration {
-    let ceiling = shortest.saturating_mul(2_u32.checked_pow(tries).unwrap_or(u32::MAX)).min(longest);
+    let ceiling = shortest
+        .saturating_mul(2_u32.checked_pow(tries).unwrap_or(u32::MAX))
+        .min(longest);
     let span_ms = (ceiling - shortest.min(ceiling)).as_millis() as u64;
     shortest + Duration::from_millis(random % (span_ms + 1))
 }
@@ -101,20 +114,31 @@ mod tests {
     }
 
     fn claim(digest: &str, twin_version: &str) -> DigestClaim {
-        DigestClaim { digest: digest.to_owned(), twin_version: twin_version.to_owned(), engine: "browser".to_owned() }
+        DigestClaim {
+            digest: digest.to_owned(),
+            twin_version: twin_version.to_owned(),
+            engine: "browser".to_owned(),
+        }
     }
 
     #[test]
     fn equal_digests_leave_the_verdict_alone() {
-        assert_eq!(after_rehearsal(&verdict(true, "aa"), Some(&claim("aa", "twin-2"))), Decision::Queue);
+        assert_eq!(
+            after_rehearsal(&verdict(true, "aa"), Some(&claim("aa", "twin-2"))),
+            Decision::Queue
+        );
         assert_eq!(after_rehearsal(&verdict(true, "aa"), None), Decision::Queue);
-        let Decision::Reject(fault) = after_rehearsal(&verdict(false, "aa"), None) else { panic!("a refused experiment was queued") };
+        let Decision::Reject(fault) = after_rehearsal(&verdict(false, "aa"), None) else {
+            panic!("a refused experiment was queued")
+        };
         assert_eq!((fault.whose, fault.code.as_str()), (Whose::User, "rejected_by_twin"));
     }
 
     #[test]
     fn a_mismatch_names_both_versions_and_digests() {
-        let Decision::Reject(fault) = after_rehearsal(&verdict(true, "aa"), Some(&claim("bb", "twin-1"))) else { panic!("queued") };
+        let Decision::Reject(fault) = after_rehearsal(&verdict(true, "aa"), Some(&claim("bb", "twin-1"))) else {
+            panic!("queued")
+        };
         assert_eq!((fault.whose, fault.code.as_str()), (Whose::Platform, "digest_mismatch"));
         for part in ["aa", "bb", "twin-1", "twin-2", "reload"] {
             assert!(fault.message.contains(part), "{part} is missing in: {}", fault.message);
@@ -125,8 +149,13 @@ mod tests {
     fn pauses_stay_in_their_range_for_any_number_of_tries() {
         let mut random = 1_u64;
         for tries in (0..100_000).chain([u32::MAX - 1, u32::MAX]) {
-            random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            assert!((RETRY_SHORTEST..=RETRY_LONGEST).contains(&retry_pause(tries, random)), "tries {tries} random {random}");
+            random = random
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            assert!(
+                (RETRY_SHORTEST..=RETRY_LONGEST).contains(&retry_pause(tries, random)),
+                "tries {tries} random {random}"
+            );
             assert!(outage_pause(tries, random) <= OUTAGE_LONGEST);
         }
     }
@@ -134,6 +163,9 @@ mod tests {
     #[test]
     fn many_problems_are_counted() {
         let problems = [("a", "x"), ("b", "x"), ("c", "x"), ("d", "x"), ("e", "x")];
-        assert_eq!(invalid_experiment(problems.into_iter()).message, "a: x; b: x; c: x; and 2 more");
+        assert_eq!(
+            invalid_experiment(problems.into_iter()).message,
+            "a: x; b: x; c: x; and 2 more"
+        );
     }
 }

@@ -17,7 +17,11 @@ use store::{Store, StoreOptions};
 
 /// What the process is told at its start.
 #[derive(Debug, Clone, clap::Parser)]
-#[command(name = "robopheus-scheduler", about = "Rehearses experiments in the twin and reaps lost leases", version)]
+#[command(
+    name = "robopheus-scheduler",
+    about = "Rehearses experiments in the twin and reaps lost leases",
+    version
+)]
 pub struct Config {
     /// PostgreSQL of the service.
     #[arg(long, env = "DATABASE_URL", hide_env_values = true)]
@@ -32,7 +36,9 @@ pub struct Config {
 
 /// Runs until told to stop.
 pub async fn run(config: Config, mut stop: Stop) -> anyhow::Result<()> {
-    let Some(store) = connect(&config, &mut stop).await else { return Ok(()) };
+    let Some(store) = connect(&config, &mut stop).await else {
+        return Ok(());
+    };
     let mut tasks = tokio::task::JoinSet::new();
     for _ in 0..config.workers {
         tasks.spawn(claim::work(store.clone(), config.data.join("objects"), stop.clone()));

@@ -20,7 +20,9 @@ pub struct NewObject<'a> {
 /// Writes aside, syncs, renames, syncs the folder. Blocks; call on a thread for blocking work.
 pub fn write(objects: &Path, new: &NewObject<'_>) -> io::Result<FileRecord> {
     let path = objects.join(new.object_path);
-    let folder = path.parent().ok_or_else(|| io::Error::other("an object lies in a folder"))?;
+    let folder = path
+        .parent()
+        .ok_or_else(|| io::Error::other("an object lies in a folder"))?;
     create_folders(folder)?;
     let aside = folder.join(format!(".{}.tmp", uuid::Uuid::now_v7().simple()));
     let written = write_aside(&aside, new.bytes).and_then(|()| fs::rename(&aside, &path));
@@ -33,7 +35,10 @@ pub fn write(objects: &Path, new: &NewObject<'_>) -> io::Result<FileRecord> {
     Ok(FileRecord {
         name: new.name.to_owned(),
         bytes: i64::try_from(new.bytes.len()).map_err(io::Error::other)?,
-        sha256: Sha256::digest(new.bytes).iter().map(|byte| format!("{byte:02x}")).collect(),
+        sha256: Sha256::digest(new.bytes)
+            .iter()
+            .map(|byte| format!("{byte:02x}"))
+            .collect(),
         media_type: new.media_type.to_owned(),
         object_path: new.object_path.to_owned(),
     })
@@ -50,7 +55,9 @@ fn create_folders(folder: &Path) -> io::Result<()> {
     if folder.is_dir() {
         return Ok(());
     }
-    let parent = folder.parent().ok_or_else(|| io::Error::other("a folder has a parent"))?;
+    let parent = folder
+        .parent()
+        .ok_or_else(|| io::Error::other("a folder has a parent"))?;
     create_folders(parent)?;
     match fs::create_dir(folder) {
         Err(error) if error.kind() != io::ErrorKind::AlreadyExists => Err(error),

@@ -12,8 +12,11 @@ pub const SWEEP_PERIOD: Duration = Duration::from_secs(1);
 pub const ARENA_HOLD: Duration = Duration::from_secs(5);
 
 /// The limits that this process reaps by.
-pub const LIMITS: ReapLimits =
-    ReapLimits { run_attempts: store::RUN_ATTEMPTS, job_attempts: jobs::rehearse::ATTEMPTS, arena_hold: ARENA_HOLD };
+pub const LIMITS: ReapLimits = ReapLimits {
+    run_attempts: store::RUN_ATTEMPTS,
+    job_attempts: jobs::rehearse::ATTEMPTS,
+    arena_hold: ARENA_HOLD,
+};
 
 /// Sweeps until told to stop.
 pub async fn sweep(store: Store, mut stop: Stop) {
@@ -50,7 +53,12 @@ fn log(reaped: &Reaped) {
         Reaped::Run { run_id, epoch, state } => {
             tracing::warn!(run.id = %run_id, epoch, state = state.as_str(), "a laboratory lost its lease");
         }
-        Reaped::Job { job_id, run_id, attempt, failed } => {
+        Reaped::Job {
+            job_id,
+            run_id,
+            attempt,
+            failed,
+        } => {
             tracing::warn!(job.id = %job_id, run.id = %run_id, attempt, failed, "a worker lost its lease");
         }
     }

@@ -2,8 +2,8 @@
 
 use crate::error::{Result, StoreError};
 use crate::listen::Listener;
-use sqlx::postgres::{PgConnectOptions, PgPool, PgPoolOptions};
 use sqlx::ConnectOptions;
+use sqlx::postgres::{PgConnectOptions, PgPool, PgPoolOptions};
 use std::str::FromStr;
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
@@ -49,7 +49,9 @@ impl std::fmt::Debug for Store {
 impl Store {
     /// Connects once, so that a wrong address shows at start; later losses heal by themselves.
     pub async fn connect(url: &str, options: StoreOptions) -> Result<Self> {
-        let patient = PgConnectOptions::from_str(url)?.application_name(&options.application_name).disable_statement_logging();
+        let patient = PgConnectOptions::from_str(url)?
+            .application_name(&options.application_name)
+            .disable_statement_logging();
         let limit_ms = options.statement_timeout.as_millis().to_string();
         let hurried = patient.clone().options([
             ("statement_timeout", limit_ms.as_str()),
@@ -60,7 +62,11 @@ impl Store {
             .max_connections(options.max_connections)
             .acquire_timeout(options.acquire_timeout)
             .connect_lazy_with(hurried);
-        let store = Self { pool, patient: Arc::new(patient), listener: Arc::default() };
+        let store = Self {
+            pool,
+            patient: Arc::new(patient),
+            listener: Arc::default(),
+        };
         store.ping().await?;
         Ok(store)
     }
@@ -68,7 +74,10 @@ impl Store {
     /// Brings the schema up to date; several processes may call it at once.
     pub async fn migrate(&self) -> Result<()> {
         // Apart from the pool: waiting for another process' migration may take longer than a statement should.
-        let pool = PgPoolOptions::new().max_connections(1).connect_with((*self.patient).clone()).await?;
+        let pool = PgPoolOptions::new()
+            .max_connections(1)
+            .connect_with((*self.patient).clone())
+            .await?;
         let migrated = sqlx::migrate!("../migrations").run(&pool).await;
         pool.close().await;
         migrated.map_err(StoreError::Migration)

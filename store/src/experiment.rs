@@ -54,7 +54,9 @@ impl Store {
                 Reserved::New => {}
                 Reserved::Before { experiment_id } => {
                     let view = experiment_view(&mut transaction, experiment_id).await?;
-                    return view.map(Submitted::Replayed).ok_or(StoreError::Constraint("idempotency_keys_experiment".to_owned()));
+                    return view
+                        .map(Submitted::Replayed)
+                        .ok_or(StoreError::Constraint("idempotency_keys_experiment".to_owned()));
                 }
                 Reserved::OtherBody => return Ok(Submitted::Conflict),
             }
@@ -69,7 +71,8 @@ impl Store {
             .await?;
         let view = experiment_view(&mut transaction, experiment_id).await?;
         transaction.commit().await?;
-        view.map(Submitted::Created).ok_or(StoreError::Constraint("experiments_run".to_owned()))
+        view.map(Submitted::Created)
+            .ok_or(StoreError::Constraint("experiments_run".to_owned()))
     }
 
     /// One experiment.
@@ -79,18 +82,22 @@ impl Store {
 
     /// Newest first; of one user when given.
     pub async fn experiment_list(&self, limit: i64, user: Option<&str>) -> Result<Vec<ExperimentView>> {
-        let rows: Vec<ExperimentRow> =
-            sqlx::query_as(experiment_select!("WHERE $2::text IS NULL OR u.name = $2 ORDER BY e.submitted_at DESC, e.id DESC LIMIT $1"))
-                .bind(limit.clamp(0, LIST_LIMIT))
-                .bind(user)
-                .fetch_all(&self.pool)
-                .await?;
+        let rows: Vec<ExperimentRow> = sqlx::query_as(experiment_select!(
+            "WHERE $2::text IS NULL OR u.name = $2 ORDER BY e.submitted_at DESC, e.id DESC LIMIT $1"
+        ))
+        .bind(limit.clamp(0, LIST_LIMIT))
+        .bind(user)
+        .fetch_all(&self.pool)
+        .await?;
         rows.into_iter().map(ExperimentRow::into_view).collect()
     }
 }
 
 async fn experiment_view(connection: &mut PgConnection, id: Uuid) -> Result<Option<ExperimentView>> {
-    let row: Option<ExperimentRow> = sqlx::query_as(experiment_select!("WHERE e.id = $1")).bind(id).fetch_optional(connection).await?;
+    let row: Option<ExperimentRow> = sqlx::query_as(experiment_select!("WHERE e.id = $1"))
+        .bind(id)
+        .fetch_optional(connection)
+        .await?;
     row.map(ExperimentRow::into_view).transpose()
 }
 
@@ -101,7 +108,13 @@ enum Reserved {
 }
 
 /// Waits for a parallel submission with the same key and then sees what it stored.
-async fn reserve_key(connection: &mut PgConnection, user: Uuid, key: &str, hash: &[u8; 32], experiment_id: Uuid) -> Result<Reserved> {
+async fn reserve_key(
+    connection: &mut PgConnection,
+    user: Uuid,
+    key: &str,
+    hash: &[u8; 32],
+    experiment_id: Uuid,
+) -> Result<Reserved> {
     let reserved = sqlx::query(
         "INSERT INTO idempotency_keys AS k (user_id, key, request_hash, experiment_id) VALUES ($1, $2, $3, $4)
          ON CONFLICT (user_id, key) DO UPDATE
@@ -123,10 +136,19 @@ async fn reserve_key(connection: &mut PgConnection, user: Uuid, key: &str, hash:
             .bind(key)
             .fetch_one(connection)
             .await?;
-    Ok(if before == hash { Reserved::Before { experiment_id } } else { Reserved::OtherBody })
+    Ok(if before == hash {
+        Reserved::Before { experiment_id }
+    } else {
+        Reserved::OtherBody
+    })
 }
 
-async fn insert_experiment(connection: &mut PgConnection, id: Uuid, user: Uuid, submission: &NewSubmission) -> Result<()> {
+async fn insert_experiment(
+    connection: &mut PgConnection,
+    id: Uuid,
+    user: Uuid,
+    submission: &NewSubmission,
+) -> Result<()> {
     let document = serde_json::to_string(&submission.experiment).map_err(StoreError::corrupt("experiment"))?;
     let claim = submission.claim.as_ref();
     sqlx::query(
@@ -145,16 +167,24 @@ async fn insert_experiment(connection: &mut PgConnection, id: Uuid, user: Uuid, 
     Ok(())
 }
 
-async fn insert_run(connection: &mut PgConnection, id: Uuid, experiment_id: Uuid, user: Uuid, experiment: &Experiment) -> Result<()> {
+async fn insert_run(
+    connection: &mut PgConnection,
+    id: Uuid,
+    experiment_id: Uuid,
+    user: Uuid,
+    experiment: &Experiment,
+) -> Result<()> {
     let robot_names: Vec<&str> = experiment.robots.iter().map(|robot| robot.name.as_str()).collect();
-    sqlx::query("INSERT INTO runs (id, experiment_id, user_id, arena, robot_names, duration_s) VALUES ($1, $2, $3, $4, $5, $6)")
-        .bind(id)
-        .bind(experiment_id)
-        .bind(user)
-        .bind(&experiment.arena)
-        .bind(robot_names)
-        .bind(experiment.duration_s)
-        .execute(connection)
-        .await?;
+    sqlx::query(
+        "INSERT INTO runs (id, experiment_id, user_id, arena, robot_names, duration_s) VALUES ($1, $2, $3, $4, $5, $6)",
+    )
+    .bind(id)
+    .bind(experiment_id)
+    .bind(user)
+    .bind(&experiment.arena)
+    .bind(robot_names)
+    .bind(experiment.duration_s)
+    .execute(connection)
+    .await?;
     Ok(())
 }

@@ -22,7 +22,7 @@ impl Store {
         // Two version 4 ids: 244 bits from the operating system.
         let plain = format!("rph_{}{}", Uuid::new_v4().simple(), Uuid::new_v4().simple());
         let mut transaction = self.pool.begin().await?;
-        let user_id = user_id(&mut *transaction, user).await?;
+        let user_id = user_id(&mut transaction, user).await?;
         sqlx::query("INSERT INTO tokens (user_id, role, prefix, sha256) VALUES ($1, $2, $3, $4)")
             .bind(user_id)
             .bind(role.as_str())
@@ -42,15 +42,21 @@ impl Store {
         .bind(sha256(plain))
         .fetch_optional(&self.pool)
         .await?;
-        Ok(row.and_then(|(user, role)| Some(Principal { user, role: Role::from_name(&role)? })))
+        Ok(row.and_then(|(user, role)| {
+            Some(Principal {
+                user,
+                role: Role::from_name(&role)?,
+            })
+        }))
     }
 
     /// Ends a token; false when there was no such live token.
     pub async fn token_revoke(&self, plain: &str) -> Result<bool> {
-        let done = sqlx::query("UPDATE tokens SET revoked_at = clock_timestamp() WHERE sha256 = $1 AND revoked_at IS NULL")
-            .bind(sha256(plain))
-            .execute(&self.pool)
-            .await?;
+        let done =
+            sqlx::query("UPDATE tokens SET revoked_at = clock_timestamp() WHERE sha256 = $1 AND revoked_at IS NULL")
+                .bind(sha256(plain))
+                .execute(&self.pool)
+                .await?;
         Ok(done.rows_affected() == 1)
     }
 }
@@ -62,7 +68,10 @@ fn sha256(plain: &str) -> Vec<u8> {
 /// Id of a user, made when unknown.
 pub(crate) async fn user_id(connection: &mut sqlx::PgConnection, name: &str) -> Result<Uuid> {
     insert_user(&mut *connection, name).await?;
-    Ok(sqlx::query_scalar("SELECT id FROM users WHERE name = $1").bind(name).fetch_one(connection).await?)
+    Ok(sqlx::query_scalar("SELECT id FROM users WHERE name = $1")
+        .bind(name)
+        .fetch_one(connection)
+        .await?)
 }
 
 async fn insert_user(executor: impl PgExecutor<'_>, name: &str) -> Result<()> {

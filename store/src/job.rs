@@ -42,7 +42,14 @@ impl Store {
         .bind(seconds("lease", lease)?)
         .fetch_optional(&self.pool)
         .await?;
-        Ok(row.map(|(id, run_id, attempt, tries)| JobLease { id, kind: kind.to_owned(), run_id, attempt, tries, worker }))
+        Ok(row.map(|(id, run_id, attempt, tries)| JobLease {
+            id,
+            kind: kind.to_owned(),
+            run_id,
+            attempt,
+            tries,
+            worker,
+        }))
     }
 
     /// Extends a worker's lease that still holds.
@@ -57,7 +64,11 @@ impl Store {
         .bind(seconds("lease", lease)?)
         .execute(&self.pool)
         .await?;
-        Ok(if beat.rows_affected() == 1 { JobWrite::Ok } else { JobWrite::Stale })
+        Ok(if beat.rows_affected() == 1 {
+            JobWrite::Ok
+        } else {
+            JobWrite::Stale
+        })
     }
 
     /// Gives a job back in good order (the worker was asked to stop); another may take it at once.
@@ -71,7 +82,11 @@ impl Store {
         .bind(job.worker)
         .execute(&self.pool)
         .await?;
-        Ok(if released.rows_affected() == 1 { JobWrite::Ok } else { JobWrite::Stale })
+        Ok(if released.rows_affected() == 1 {
+            JobWrite::Ok
+        } else {
+            JobWrite::Stale
+        })
     }
 
     /// Ends a job that changes nothing but itself.
@@ -82,7 +97,9 @@ impl Store {
     /// Records a failure: another try later, or the end of the job and of its run.
     pub async fn job_fail(&self, job: &JobLease, error: &str, then: &JobFailure) -> Result<JobWrite> {
         let mut transaction = self.pool.begin().await?;
-        let Some(run) = lock_run(&mut transaction, job.run_id).await? else { return Ok(JobWrite::Stale) };
+        let Some(run) = lock_run(&mut transaction, job.run_id).await? else {
+            return Ok(JobWrite::Stale);
+        };
         let written = match then {
             JobFailure::Retry { after } => retry_job(&mut transaction, job, error, *after).await?,
             JobFailure::Final { .. } => end_job(&mut transaction, job, "failed", Some(error)).await?,
@@ -107,7 +124,14 @@ impl Store {
         let Some(row) = row else { return Ok(None) };
         let experiment: Experiment = serde_json::from_str(&row.document).map_err(StoreError::corrupt("experiment"))?;
         let (robots, robots_missing) = self.robots_of(&experiment).await?;
-        Ok(Some(RehearsalInput { run_id, arena: row.arena(), claim: row.claim(), experiment, robots, robots_missing }))
+        Ok(Some(RehearsalInput {
+            run_id,
+            arena: row.arena(),
+            claim: row.claim(),
+            experiment,
+            robots,
+            robots_missing,
+        }))
     }
 
     async fn robots_of(&self, experiment: &Experiment) -> Result<(Vec<LabRobot>, Vec<String>)> {
@@ -129,7 +153,9 @@ impl Store {
     /// Ends a rehearsal: verdict, replay file, and the run to `queued` or `rejected`, all or nothing.
     pub async fn run_verdict_set(&self, job: &JobLease, record: &VerdictRecord) -> Result<JobWrite> {
         let mut transaction = self.pool.begin().await?;
-        let Some(run) = lock_run(&mut transaction, job.run_id).await? else { return Ok(JobWrite::Stale) };
+        let Some(run) = lock_run(&mut transaction, job.run_id).await? else {
+            return Ok(JobWrite::Stale);
+        };
         if run.state != RunState::Validating || end_job(&mut transaction, job, "done", None).await? == JobWrite::Stale {
             return Ok(JobWrite::Stale);
         }
@@ -142,7 +168,11 @@ impl Store {
             .execute(&mut *transaction)
             .await?;
         upsert_file(&mut transaction, run.id, 0, &record.replay).await?;
-        let to = if record.accepted { RunState::Queued } else { RunState::Rejected };
+        let to = if record.accepted {
+            RunState::Queued
+        } else {
+            RunState::Rejected
+        };
         move_run(&mut transaction, &run, to, record.fault.as_ref()).await?;
         transaction.commit().await?;
         Ok(JobWrite::Ok)
@@ -151,7 +181,12 @@ impl Store {
 
 impl RehearsalRow {
     fn arena(&self) -> Option<Arena> {
-        Some(Arena { name: self.arena.clone()?, width_m: self.width_m?, height_m: self.height_m?, floor: self.floor.clone()? })
+        Some(Arena {
+            name: self.arena.clone()?,
+            width_m: self.width_m?,
+            height_m: self.height_m?,
+            floor: self.floor.clone()?,
+        })
     }
 
     fn claim(&self) -> Option<DigestClaim> {
@@ -175,7 +210,11 @@ async fn end_job(connection: &mut PgConnection, job: &JobLease, state: &str, err
     .bind(error)
     .execute(connection)
     .await?;
-    Ok(if ended.rows_affected() == 1 { JobWrite::Ok } else { JobWrite::Stale })
+    Ok(if ended.rows_affected() == 1 {
+        JobWrite::Ok
+    } else {
+        JobWrite::Stale
+    })
 }
 
 async fn retry_job(connection: &mut PgConnection, job: &JobLease, error: &str, after: Duration) -> Result<JobWrite> {
@@ -190,7 +229,11 @@ async fn retry_job(connection: &mut PgConnection, job: &JobLease, error: &str, a
     .bind(after.as_secs_f64())
     .execute(connection)
     .await?;
-    Ok(if retried.rows_affected() == 1 { JobWrite::Ok } else { JobWrite::Stale })
+    Ok(if retried.rows_affected() == 1 {
+        JobWrite::Ok
+    } else {
+        JobWrite::Stale
+    })
 }
 
 /// The run of a job that is given up: the user's fault rejects it, any other fails it.
@@ -198,6 +241,10 @@ pub(crate) async fn end_run_of_job(connection: &mut PgConnection, run: &LockedRu
     if run.state != RunState::Validating {
         return Ok(());
     }
-    let to = if fault.whose == Whose::User { RunState::Rejected } else { RunState::Failed };
+    let to = if fault.whose == Whose::User {
+        RunState::Rejected
+    } else {
+        RunState::Failed
+    };
     move_run(connection, run, to, Some(fault)).await
 }

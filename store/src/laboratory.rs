@@ -130,9 +130,16 @@ impl Store {
 async fn replace_robots(connection: &mut PgConnection, arena: &str, robots: &[LabRobot]) -> Result<()> {
     let names: Vec<&str> = robots.iter().map(|robot| robot.description.name.as_str()).collect();
     let numbers: Vec<i16> = robots.iter().map(|robot| i16::from(robot.number)).collect();
-    let documents: Vec<String> =
-        robots.iter().map(serde_json::to_string).collect::<std::result::Result<_, _>>().map_err(StoreError::corrupt("robot"))?;
-    sqlx::query("DELETE FROM robots WHERE arena = $1 AND name <> ALL($2)").bind(arena).bind(&names).execute(&mut *connection).await?;
+    let documents: Vec<String> = robots
+        .iter()
+        .map(serde_json::to_string)
+        .collect::<std::result::Result<_, _>>()
+        .map_err(StoreError::corrupt("robot"))?;
+    sqlx::query("DELETE FROM robots WHERE arena = $1 AND name <> ALL($2)")
+        .bind(arena)
+        .bind(&names)
+        .execute(&mut *connection)
+        .await?;
     sqlx::query(
         "INSERT INTO robots (arena, name, number, document)
          SELECT $1, n.name, n.number, n.document::json FROM unnest($2::text[], $3::int2[], $4::text[]) n(name, number, document)
@@ -179,7 +186,16 @@ impl ArenaRow {
         } else {
             ("free", None)
         };
-        let arena = Arena { name: self.name, width_m: self.width_m, height_m: self.height_m, floor: self.floor };
-        ArenaView { arena, state: state.to_owned(), message }
+        let arena = Arena {
+            name: self.name,
+            width_m: self.width_m,
+            height_m: self.height_m,
+            floor: self.floor,
+        };
+        ArenaView {
+            arena,
+            state: state.to_owned(),
+            message,
+        }
     }
 }

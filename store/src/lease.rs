@@ -38,8 +38,12 @@ impl Store {
             return Ok(None);
         }
         let mut transaction = self.pool.begin().await?;
-        let Some(arena) = lock_free_arena(&mut transaction, claim).await? else { return Ok(None) };
-        let Some(taken) = take_next_run(&mut transaction, &claim.arena).await? else { return Ok(None) };
+        let Some(arena) = lock_free_arena(&mut transaction, claim).await? else {
+            return Ok(None);
+        };
+        let Some(taken) = take_next_run(&mut transaction, &claim.arena).await? else {
+            return Ok(None);
+        };
         insert_lease(&mut transaction, claim, &taken, lease_s).await?;
         let robots: Vec<String> = sqlx::query_scalar(
             "SELECT r.document::text FROM unnest($2::text[]) WITH ORDINALITY n(name, place)
@@ -53,13 +57,19 @@ impl Store {
             run_id: taken.id,
             epoch: taken.epoch,
             experiment: serde_json::from_str(&taken.document).map_err(StoreError::corrupt("experiment"))?,
-            arena: Arena { name: arena.name, width_m: arena.width_m, height_m: arena.height_m, floor: arena.floor },
+            arena: Arena {
+                name: arena.name,
+                width_m: arena.width_m,
+                height_m: arena.height_m,
+                floor: arena.floor,
+            },
             robots: robots
                 .iter()
                 .map(|text| serde_json::from_str(text))
                 .collect::<std::result::Result<_, _>>()
                 .map_err(StoreError::corrupt("robot"))?,
-            verdict: serde_json::from_str(taken.verdict.as_deref().unwrap_or("null")).map_err(StoreError::corrupt("verdict"))?,
+            verdict: serde_json::from_str(taken.verdict.as_deref().unwrap_or("null"))
+                .map_err(StoreError::corrupt("verdict"))?,
             lease_s,
         };
         transaction.commit().await?;
@@ -96,14 +106,24 @@ impl Store {
 
     /// The laboratory moves its run on. A report that arrives twice is answered `Ok` twice.
     pub async fn run_state_report(&self, run_id: Uuid, report: &StateReport) -> Result<Reported> {
-        let fence = Fence { run_id, epoch: report.epoch, instance: report.instance };
+        let fence = Fence {
+            run_id,
+            epoch: report.epoch,
+            instance: report.instance,
+        };
         let mut transaction = self.pool.begin().await?;
-        let Some(run) = lock_run(&mut transaction, run_id).await? else { return Ok(Reported::Stale) };
+        let Some(run) = lock_run(&mut transaction, run_id).await? else {
+            return Ok(Reported::Stale);
+        };
         if run.epoch != fence.epoch || !attempt_is_of(&mut transaction, fence).await? {
             return Ok(Reported::Stale);
         }
         if run.state.is_terminal() {
-            return Ok(if run.state == report.state { Reported::Ok } else { Reported::Stale });
+            return Ok(if run.state == report.state {
+                Reported::Ok
+            } else {
+                Reported::Stale
+            });
         }
         if !lease_holds(&mut transaction, fence).await? {
             return Ok(Reported::Stale);
@@ -132,7 +152,9 @@ impl Store {
     /// A laboratory that came back after a crash closes the attempt it found in its journal.
     pub async fn run_salvage(&self, run_id: Uuid, epoch: i64, fault: &Fault) -> Result<Salvaged> {
         let mut transaction = self.pool.begin().await?;
-        let Some(run) = lock_run(&mut transaction, run_id).await? else { return Ok(Salvaged::Stale) };
+        let Some(run) = lock_run(&mut transaction, run_id).await? else {
+            return Ok(Salvaged::Stale);
+        };
         if run.epoch != epoch || epoch == 0 {
             return Ok(Salvaged::Stale);
         }
@@ -203,12 +225,13 @@ async fn insert_lease(connection: &mut PgConnection, claim: &Claim, taken: &Take
 }
 
 async fn attempt_is_of(connection: &mut PgConnection, fence: Fence) -> Result<bool> {
-    let known = sqlx::query_scalar("SELECT EXISTS (SELECT FROM attempts WHERE run_id = $1 AND epoch = $2 AND instance = $3)")
-        .bind(fence.run_id)
-        .bind(fence.epoch)
-        .bind(fence.instance)
-        .fetch_one(connection)
-        .await?;
+    let known =
+        sqlx::query_scalar("SELECT EXISTS (SELECT FROM attempts WHERE run_id = $1 AND epoch = $2 AND instance = $3)")
+            .bind(fence.run_id)
+            .bind(fence.epoch)
+            .bind(fence.instance)
+            .fetch_one(connection)
+            .await?;
     Ok(known)
 }
 
@@ -225,7 +248,8 @@ async fn lease_holds(connection: &mut PgConnection, fence: Fence) -> Result<bool
 }
 
 async fn lab_may_move(connection: &mut PgConnection, run: &LockedRun, to: RunState) -> Result<bool> {
-    let labs_own = matches!(to, RunState::Running | RunState::Uploading) || (to.is_terminal() && to != RunState::Rejected);
+    let labs_own =
+        matches!(to, RunState::Running | RunState::Uploading) || (to.is_terminal() && to != RunState::Rejected);
     if !labs_own || (to == RunState::Done && !run.motion_begun) {
         return Ok(false);
     }
@@ -242,17 +266,29 @@ fn fault_of_report(run: &LockedRun, report: &StateReport) -> Option<Fault> {
     let given = report.fault.clone();
     match report.state {
         RunState::Cancelled => given.or_else(|| Some(fault_of_cancel(run.cancelled_by.as_deref()))),
-        RunState::Failed | RunState::Interrupted => {
-            given.or_else(|| Some(fault(Whose::Platform, "reason_not_reported", "The laboratory ended the run without giving a reason.")))
-        }
+        RunState::Failed | RunState::Interrupted => given.or_else(|| {
+            Some(fault(
+                Whose::Platform,
+                "reason_not_reported",
+                "The laboratory ended the run without giving a reason.",
+            ))
+        }),
         _ => given,
     }
 }
 
 /// The lease goes, so that the arena is free; the attempt stays as a record.
 async fn end_attempt(connection: &mut PgConnection, run_id: Uuid, epoch: i64, outcome: RunState) -> Result<()> {
-    sqlx::query("DELETE FROM leases WHERE run_id = $1 AND epoch = $2").bind(run_id).bind(epoch).execute(&mut *connection).await?;
-    let outcome = if outcome == RunState::Queued { "lost" } else { outcome.as_str() };
+    sqlx::query("DELETE FROM leases WHERE run_id = $1 AND epoch = $2")
+        .bind(run_id)
+        .bind(epoch)
+        .execute(&mut *connection)
+        .await?;
+    let outcome = if outcome == RunState::Queued {
+        "lost"
+    } else {
+        outcome.as_str()
+    };
     sqlx::query("UPDATE attempts SET ended_at = clock_timestamp(), outcome = $3 WHERE run_id = $1 AND epoch = $2")
         .bind(run_id)
         .bind(epoch)
@@ -263,7 +299,12 @@ async fn end_attempt(connection: &mut PgConnection, run_id: Uuid, epoch: i64, ou
 }
 
 /// Moves a locked run on after its attempt was lost and ends the attempt.
-pub(crate) async fn lose_attempt(connection: &mut PgConnection, run: &LockedRun, cause: &Fault, attempts_limit: i32) -> Result<RunState> {
+pub(crate) async fn lose_attempt(
+    connection: &mut PgConnection,
+    run: &LockedRun,
+    cause: &Fault,
+    attempts_limit: i32,
+) -> Result<RunState> {
     let (state, fault) = after_lost_attempt(LostAttempt {
         state: run.state,
         attempts: run.attempts,

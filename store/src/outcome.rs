@@ -241,7 +241,12 @@ pub enum Reaped {
     /// A lease ran out; the run is in this state now.
     Run { run_id: Uuid, epoch: i64, state: RunState },
     /// A worker's lease ran out; the job waits for another worker, or has failed for good.
-    Job { job_id: Uuid, run_id: Uuid, attempt: i32, failed: bool },
+    Job {
+        job_id: Uuid,
+        run_id: Uuid,
+        attempt: i32,
+        failed: bool,
+    },
 }
 
 /// A published model of a robot on a floor.

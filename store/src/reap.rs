@@ -17,10 +17,11 @@ impl Store {
     /// One sweep; what it changed. Expiry is compared by the database's clock.
     pub async fn reap(&self, limits: &ReapLimits) -> Result<Vec<Reaped>> {
         let mut reaped = Vec::new();
-        let leases: Vec<(Uuid, i64)> = sqlx::query_as("SELECT run_id, epoch FROM leases WHERE expires_at <= clock_timestamp() LIMIT $1")
-            .bind(SWEEP_LIMIT)
-            .fetch_all(&self.pool)
-            .await?;
+        let leases: Vec<(Uuid, i64)> =
+            sqlx::query_as("SELECT run_id, epoch FROM leases WHERE expires_at <= clock_timestamp() LIMIT $1")
+                .bind(SWEEP_LIMIT)
+                .fetch_all(&self.pool)
+                .await?;
         for (run_id, epoch) in leases {
             reaped.extend(self.reap_lease(run_id, epoch, limits).await?);
         }
@@ -32,22 +33,31 @@ impl Store {
         for (job_id, run_id, attempt) in jobs {
             reaped.extend(self.reap_job(job_id, run_id, attempt, limits).await?);
         }
-        sqlx::query("DELETE FROM idempotency_keys WHERE created_at < clock_timestamp() - interval '24 hours'").execute(&self.pool).await?;
+        sqlx::query("DELETE FROM idempotency_keys WHERE created_at < clock_timestamp() - interval '24 hours'")
+            .execute(&self.pool)
+            .await?;
         Ok(reaped)
     }
 
     async fn reap_lease(&self, run_id: Uuid, epoch: i64, limits: &ReapLimits) -> Result<Option<Reaped>> {
         let mut transaction = self.pool.begin().await?;
-        let Some(run) = lock_run(&mut transaction, run_id).await? else { return Ok(None) };
+        let Some(run) = lock_run(&mut transaction, run_id).await? else {
+            return Ok(None);
+        };
         // Looked at again under the lock: a heartbeat may have come meanwhile.
-        let arena: Option<String> =
-            sqlx::query_scalar("DELETE FROM leases WHERE run_id = $1 AND epoch = $2 AND expires_at <= clock_timestamp() RETURNING arena")
-                .bind(run_id)
-                .bind(epoch)
-                .fetch_optional(&mut *transaction)
-                .await?;
+        let arena: Option<String> = sqlx::query_scalar(
+            "DELETE FROM leases WHERE run_id = $1 AND epoch = $2 AND expires_at <= clock_timestamp() RETURNING arena",
+        )
+        .bind(run_id)
+        .bind(epoch)
+        .fetch_optional(&mut *transaction)
+        .await?;
         let Some(arena) = arena else { return Ok(None) };
-        let cause = fault(Whose::Platform, "lease_lost", "The laboratory stopped answering during this run.");
+        let cause = fault(
+            Whose::Platform,
+            "lease_lost",
+            "The laboratory stopped answering during this run.",
+        );
         let state = lose_attempt(&mut transaction, &run, &cause, limits.run_attempts).await?;
         sqlx::query(
             "UPDATE arenas SET held_until = clock_timestamp() + make_interval(secs => $2),
@@ -63,7 +73,9 @@ impl Store {
 
     async fn reap_job(&self, job_id: Uuid, run_id: Uuid, attempt: i32, limits: &ReapLimits) -> Result<Option<Reaped>> {
         let mut transaction = self.pool.begin().await?;
-        let Some(run) = lock_run(&mut transaction, run_id).await? else { return Ok(None) };
+        let Some(run) = lock_run(&mut transaction, run_id).await? else {
+            return Ok(None);
+        };
         let failed: Option<bool> = sqlx::query_scalar(
             "UPDATE jobs SET leased_until = NULL, error = 'the worker was lost', ready_at = clock_timestamp(),
                 state = CASE WHEN attempt - released >= $3 THEN 'failed' ELSE 'ready' END,
@@ -79,9 +91,19 @@ impl Store {
         let Some(failed) = failed else { return Ok(None) };
         if failed {
             let message = format!("The check by the twin was lost {attempt} times and is not tried again.");
-            end_run_of_job(&mut transaction, &run, &fault(Whose::Platform, "rehearsal_lost", message)).await?;
+            end_run_of_job(
+                &mut transaction,
+                &run,
+                &fault(Whose::Platform, "rehearsal_lost", message),
+            )
+            .await?;
         }
         transaction.commit().await?;
-        Ok(Some(Reaped::Job { job_id, run_id, attempt, failed }))
+        Ok(Some(Reaped::Job {
+            job_id,
+            run_id,
+            attempt,
+            failed,
+        }))
     }
 }

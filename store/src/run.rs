@@ -26,19 +26,26 @@ pub(crate) async fn lock_run(connection: &mut PgConnection, id: Uuid) -> Result<
     .bind(id)
     .fetch_optional(connection)
     .await?;
-    Ok(row.map(|(state, epoch, attempts, motion_begun, cancel_requested, cancelled_by)| LockedRun {
-        id,
-        state: state_from_sql(&state),
-        epoch,
-        attempts,
-        motion_begun,
-        cancel_requested,
-        cancelled_by,
-    }))
+    Ok(row.map(
+        |(state, epoch, attempts, motion_begun, cancel_requested, cancelled_by)| LockedRun {
+            id,
+            state: state_from_sql(&state),
+            epoch,
+            attempts,
+            motion_begun,
+            cancel_requested,
+            cancelled_by,
+        },
+    ))
 }
 
 /// Moves a locked run on; a terminal state is dated. The schema refuses what is not allowed.
-pub(crate) async fn move_run(connection: &mut PgConnection, run: &LockedRun, to: RunState, fault: Option<&Fault>) -> Result<()> {
+pub(crate) async fn move_run(
+    connection: &mut PgConnection,
+    run: &LockedRun,
+    to: RunState,
+    fault: Option<&Fault>,
+) -> Result<()> {
     sqlx::query(
         "UPDATE runs SET state = $3,
             fault_whose = coalesce($4, fault_whose), fault_code = coalesce($5, fault_code), fault_message = coalesce($6, fault_message),
@@ -64,7 +71,9 @@ impl Store {
     /// Ends a run that waits, asks the laboratory to stop one that it has.
     pub async fn run_cancel(&self, id: Uuid, by: &str) -> Result<Cancelled> {
         let mut transaction = self.pool.begin().await?;
-        let Some(run) = lock_run(&mut transaction, id).await? else { return Ok(Cancelled::Unknown) };
+        let Some(run) = lock_run(&mut transaction, id).await? else {
+            return Ok(Cancelled::Unknown);
+        };
         if run.state.is_terminal() {
             return Ok(Cancelled::Ended(run.state));
         }
@@ -75,7 +84,13 @@ impl Store {
             .await?;
         let waits = matches!(run.state, RunState::Draft | RunState::Validating | RunState::Queued);
         if waits {
-            move_run(&mut transaction, &run, RunState::Cancelled, Some(&fault_of_cancel(Some(by)))).await?;
+            move_run(
+                &mut transaction,
+                &run,
+                RunState::Cancelled,
+                Some(&fault_of_cancel(Some(by))),
+            )
+            .await?;
             sqlx::query(
                 "UPDATE jobs SET state = 'dropped', leased_until = NULL, ended_at = clock_timestamp()
                  WHERE run_id = $1 AND state IN ('ready', 'leased')",

@@ -19,7 +19,13 @@ struct FileRow {
 
 impl From<FileRow> for FileRecord {
     fn from(row: FileRow) -> Self {
-        Self { name: row.name, bytes: row.bytes, sha256: row.sha256, media_type: row.media_type, object_path: row.object_path }
+        Self {
+            name: row.name,
+            bytes: row.bytes,
+            sha256: row.sha256,
+            media_type: row.media_type,
+            object_path: row.object_path,
+        }
     }
 }
 
@@ -27,18 +33,22 @@ impl Store {
     /// Records a file of the run's newest attempt, also after that attempt ended. A `done` run keeps the files it has.
     pub async fn run_file_put(&self, run_id: Uuid, epoch: i64, file: &FileRecord) -> Result<FilePut> {
         let mut transaction = self.pool.begin().await?;
-        let Some(run) = lock_run(&mut transaction, run_id).await? else { return Ok(FilePut::Stale) };
-        let before_any_attempt = epoch <= 0 || matches!(run.state, RunState::Draft | RunState::Validating | RunState::Rejected);
+        let Some(run) = lock_run(&mut transaction, run_id).await? else {
+            return Ok(FilePut::Stale);
+        };
+        let before_any_attempt =
+            epoch <= 0 || matches!(run.state, RunState::Draft | RunState::Validating | RunState::Rejected);
         if run.epoch != epoch || before_any_attempt {
             return Ok(FilePut::Stale);
         }
         if run.state == RunState::Done {
-            let sha256: Option<String> = sqlx::query_scalar("SELECT sha256 FROM run_files WHERE run_id = $1 AND epoch = $2 AND name = $3")
-                .bind(run_id)
-                .bind(epoch)
-                .bind(&file.name)
-                .fetch_optional(&mut *transaction)
-                .await?;
+            let sha256: Option<String> =
+                sqlx::query_scalar("SELECT sha256 FROM run_files WHERE run_id = $1 AND epoch = $2 AND name = $3")
+                    .bind(run_id)
+                    .bind(epoch)
+                    .bind(&file.name)
+                    .fetch_optional(&mut *transaction)
+                    .await?;
             if sha256.is_some_and(|sha256| sha256 != file.sha256) {
                 return Ok(FilePut::Sealed);
             }
@@ -76,7 +86,12 @@ impl Store {
     }
 }
 
-pub(crate) async fn upsert_file(connection: &mut PgConnection, run_id: Uuid, epoch: i64, file: &FileRecord) -> Result<()> {
+pub(crate) async fn upsert_file(
+    connection: &mut PgConnection,
+    run_id: Uuid,
+    epoch: i64,
+    file: &FileRecord,
+) -> Result<()> {
     sqlx::query(
         "INSERT INTO run_files (run_id, epoch, name, bytes, sha256, media_type, object_path) VALUES ($1, $2, $3, $4, $5, $6, $7)
          ON CONFLICT (run_id, epoch, name) DO UPDATE SET bytes = excluded.bytes, sha256 = excluded.sha256,

@@ -95,14 +95,15 @@ impl Store {
 
     /// Newest first; of one user when given.
     pub async fn run_list(&self, limit: i64, user: Option<&str>) -> Result<Vec<RunView>> {
-        let rows: Vec<RunRow> =
-            sqlx::query_as(run_select!("WHERE $4::text IS NULL OR u.name = $4 ORDER BY r.queue_number DESC LIMIT $3"))
-                .bind(RUN_OVERHEAD_S)
-                .bind(SILENT_S)
-                .bind(limit.clamp(0, LIST_LIMIT))
-                .bind(user)
-                .fetch_all(&self.pool)
-                .await?;
+        let rows: Vec<RunRow> = sqlx::query_as(run_select!(
+            "WHERE $4::text IS NULL OR u.name = $4 ORDER BY r.queue_number DESC LIMIT $3"
+        ))
+        .bind(RUN_OVERHEAD_S)
+        .bind(SILENT_S)
+        .bind(limit.clamp(0, LIST_LIMIT))
+        .bind(user)
+        .fetch_all(&self.pool)
+        .await?;
         let ids: Vec<Uuid> = rows.iter().map(|row| row.id).collect();
         let mut files = self.file_views(&ids).await?;
         rows.into_iter()
@@ -125,7 +126,12 @@ impl Store {
         .await?;
         let mut files: BTreeMap<Uuid, Vec<FileView>> = BTreeMap::new();
         for (run_id, name, bytes, sha256, media_type) in rows {
-            files.entry(run_id).or_default().push(FileView { name, bytes, sha256, media_type });
+            files.entry(run_id).or_default().push(FileView {
+                name,
+                bytes,
+                sha256,
+                media_type,
+            });
         }
         Ok(files)
     }
@@ -137,7 +143,11 @@ impl RunRow {
         let read_at = self.situation.read_at;
         let situation = self.situation.into_situation();
         let queued = state == api::run::RunState::Queued;
-        let equal = self.claimed_digest.as_ref().zip(self.server_digest.as_ref()).map(|(claimed, server)| claimed == server);
+        let equal = self
+            .claimed_digest
+            .as_ref()
+            .zip(self.server_digest.as_ref())
+            .map(|(claimed, server)| claimed == server);
         let wait = expected_wait_s(state, &situation).map(|wait_s| TimeDelta::milliseconds((wait_s * 1e3) as i64));
         Ok(RunView {
             id: self.id,
@@ -161,7 +171,11 @@ impl RunRow {
                 server_twin_version: self.server_twin_version,
                 equal,
             },
-            verdict: self.verdict.map(|text| serde_json::from_str(&text)).transpose().map_err(StoreError::corrupt("verdict"))?,
+            verdict: self
+                .verdict
+                .map(|text| serde_json::from_str(&text))
+                .transpose()
+                .map_err(StoreError::corrupt("verdict"))?,
             experiment: serde_json::from_str(&self.document).map_err(StoreError::corrupt("experiment"))?,
             files,
             ticks_recorded: self.ticks_recorded,

@@ -40,17 +40,29 @@ pub(crate) fn fault_from_sql(whose: Option<String>, code: Option<String>, messag
         "operator" => Whose::Operator,
         _ => Whose::Platform,
     };
-    Some(Fault { whose, code: code?, message: message? })
+    Some(Fault {
+        whose,
+        code: code?,
+        message: message?,
+    })
 }
 
 pub(crate) fn fault(whose: Whose, code: &str, message: impl Into<String>) -> Fault {
-    Fault { whose, code: code.to_owned(), message: message.into() }
+    Fault {
+        whose,
+        code: code.to_owned(),
+        message: message.into(),
+    }
 }
 
 pub(crate) fn fault_of_cancel(by: Option<&str>) -> Fault {
     match by {
         Some(name) => fault(Whose::User, "cancelled_by_user", format!("Cancelled by {name}.")),
-        None => fault(Whose::Operator, "cancelled_in_laboratory", "Cancelled in the laboratory."),
+        None => fault(
+            Whose::Operator,
+            "cancelled_in_laboratory",
+            "Cancelled in the laboratory.",
+        ),
     }
 }
 
@@ -60,8 +72,14 @@ pub(crate) fn after_lost_attempt(lost: LostAttempt<'_>) -> (RunState, Option<Fau
         RunState::Preparing if lost.cancel_requested => (RunState::Cancelled, Some(fault_of_cancel(lost.cancelled_by))),
         RunState::Preparing if lost.attempts < lost.attempts_limit => (RunState::Queued, None),
         RunState::Preparing => {
-            let message = format!("The laboratory was lost {} times while it prepared this run. Last: {}", lost.attempts, lost.cause.message);
-            (RunState::Failed, Some(fault(Whose::Platform, "attempts_used_up", message)))
+            let message = format!(
+                "The laboratory was lost {} times while it prepared this run. Last: {}",
+                lost.attempts, lost.cause.message
+            );
+            (
+                RunState::Failed,
+                Some(fault(Whose::Platform, "attempts_used_up", message)),
+            )
         }
         _ => (RunState::Interrupted, Some(lost.cause.clone())),
     }
@@ -82,7 +100,15 @@ mod tests {
 
     fn lost(state: RunState, attempts: i32, cancel_requested: bool) -> RunState {
         let cause = fault(Whose::Platform, "lease_lost", "lost");
-        after_lost_attempt(LostAttempt { state, attempts, attempts_limit: 3, cancel_requested, cancelled_by: None, cause: &cause }).0
+        after_lost_attempt(LostAttempt {
+            state,
+            attempts,
+            attempts_limit: 3,
+            cancel_requested,
+            cancelled_by: None,
+            cause: &cause,
+        })
+        .0
     }
 
     #[test]

@@ -46,7 +46,14 @@ fn queued_reason(situation: &Situation) -> String {
         return format!("the arena {arena} is held: {reason}");
     }
     if !situation.robots_missing.is_empty() {
-        let (names, verb) = (situation.robots_missing.join(", "), if situation.robots_missing.len() == 1 { "is" } else { "are" });
+        let (names, verb) = (
+            situation.robots_missing.join(", "),
+            if situation.robots_missing.len() == 1 {
+                "is"
+            } else {
+                "are"
+            },
+        );
         return format!("{names} {verb} not in the arena {arena}");
     }
     match situation.ahead + i64::from(situation.busy_s.is_some()) {
@@ -57,7 +64,9 @@ fn queued_reason(situation: &Situation) -> String {
 }
 
 fn in_words(n: i64) -> String {
-    const WORDS: [&str; 11] = ["two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve"];
+    const WORDS: [&str; 11] = [
+        "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve",
+    ];
     let word = usize::try_from(n - 2).ok().and_then(|index| WORDS.get(index));
     word.map_or_else(|| n.to_string(), |word| (*word).to_owned())
 }
@@ -77,23 +86,56 @@ mod tests {
     use super::*;
 
     fn free() -> Situation {
-        Situation { arena: "reference".to_owned(), arena_known: true, lab_connected: true, ..Situation::default() }
+        Situation {
+            arena: "reference".to_owned(),
+            arena_known: true,
+            lab_connected: true,
+            ..Situation::default()
+        }
     }
 
     #[test]
     fn counts_in_words() {
         let reason = |situation| waiting_reason(RunState::Queued, &situation).unwrap();
         assert_eq!(reason(free()), "next in line: the laboratory is about to take it");
-        assert_eq!(reason(Situation { busy_s: Some(1.0), ..free() }), "one run ahead of you in arena reference");
-        assert_eq!(reason(Situation { ahead: 1, busy_s: Some(1.0), ..free() }), "two runs ahead of you in arena reference");
-        assert_eq!(reason(Situation { ahead: 12, ..free() }), "twelve runs ahead of you in arena reference");
-        assert_eq!(reason(Situation { ahead: 13, ..free() }), "13 runs ahead of you in arena reference");
+        assert_eq!(
+            reason(Situation {
+                busy_s: Some(1.0),
+                ..free()
+            }),
+            "one run ahead of you in arena reference"
+        );
+        assert_eq!(
+            reason(Situation {
+                ahead: 1,
+                busy_s: Some(1.0),
+                ..free()
+            }),
+            "two runs ahead of you in arena reference"
+        );
+        assert_eq!(
+            reason(Situation { ahead: 12, ..free() }),
+            "twelve runs ahead of you in arena reference"
+        );
+        assert_eq!(
+            reason(Situation { ahead: 13, ..free() }),
+            "13 runs ahead of you in arena reference"
+        );
     }
 
     #[test]
     fn a_held_arena_has_no_expected_start() {
         assert!(expected_wait_s(RunState::Queued, &free()).is_some());
-        assert_eq!(expected_wait_s(RunState::Queued, &Situation { stopped: true, ..free() }), None);
+        assert_eq!(
+            expected_wait_s(
+                RunState::Queued,
+                &Situation {
+                    stopped: true,
+                    ..free()
+                }
+            ),
+            None
+        );
         assert_eq!(expected_wait_s(RunState::Running, &free()), None);
     }
 }

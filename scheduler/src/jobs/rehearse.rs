@@ -71,15 +71,34 @@ fn scenario_json(input: &RehearsalInput, job: &JobLease) -> Result<String, Box<E
     let Some(arena) = &input.arena else {
         // The laboratory may be about to register: at start, everything comes up at once.
         let message = format!("No laboratory has registered the arena {}.", input.experiment.arena);
-        let fault = Fault { whose: Whose::User, code: "unknown_arena".to_owned(), message: message.clone() };
+        let fault = Fault {
+            whose: Whose::User,
+            code: "unknown_arena".to_owned(),
+            message: message.clone(),
+        };
         return Err(Box::new(retry_or(job, message, fault)));
     };
     if !input.robots_missing.is_empty() {
-        let message = format!("The arena {} has no robot named {}.", arena.name, input.robots_missing.join(", "));
-        let fault = Fault { whose: Whose::User, code: "unknown_robot".to_owned(), message: message.clone() };
-        return Err(Box::new(Ending::Failed { error: message, then: JobFailure::Final { fault } }));
+        let message = format!(
+            "The arena {} has no robot named {}.",
+            arena.name,
+            input.robots_missing.join(", ")
+        );
+        let fault = Fault {
+            whose: Whose::User,
+            code: "unknown_robot".to_owned(),
+            message: message.clone(),
+        };
+        return Err(Box::new(Ending::Failed {
+            error: message,
+            then: JobFailure::Final { fault },
+        }));
     }
-    let document = ScenarioDocument { experiment: &input.experiment, robots: &input.robots, arena };
+    let document = ScenarioDocument {
+        experiment: &input.experiment,
+        robots: &input.robots,
+        arena,
+    };
     serde_json::to_string(&document).map_err(|error| Box::new(unexpected(job, &error.into())))
 }
 
@@ -110,38 +129,73 @@ fn conclude(objects: &Path, input: &RehearsalInput, rehearsed: Rehearsed) -> any
         Rehearsed::Outcome(outcome) => outcome,
         Rehearsed::Abandoned => return Ok(Ending::Stopped),
         Rehearsed::Problems(problems) => {
-            let fault = decide::invalid_experiment(problems.iter().map(|problem| (problem.field.as_str(), problem.message.as_str())));
-            return Ok(Ending::Failed { error: fault.message.clone(), then: JobFailure::Final { fault } });
+            let fault = decide::invalid_experiment(
+                problems
+                    .iter()
+                    .map(|problem| (problem.field.as_str(), problem.message.as_str())),
+            );
+            return Ok(Ending::Failed {
+                error: fault.message.clone(),
+                then: JobFailure::Final { fault },
+            });
         }
         Rehearsed::TooLong => {
             let message = format!("The twin did not finish within {} s.", TIMEOUT.as_secs());
-            let fault = Fault { whose: Whose::Platform, code: "rehearsal_timeout".to_owned(), message: message.clone() };
-            return Ok(Ending::Failed { error: message, then: JobFailure::Final { fault } });
+            let fault = Fault {
+                whose: Whose::Platform,
+                code: "rehearsal_timeout".to_owned(),
+                message: message.clone(),
+            };
+            return Ok(Ending::Failed {
+                error: message,
+                then: JobFailure::Final { fault },
+            });
         }
     };
     // Model types and wire types are different types with one JSON form.
-    let verdict: Verdict = serde_json::from_str(&serde_json::to_string(&outcome.verdict)?).context("the verdict has another form")?;
+    let verdict: Verdict =
+        serde_json::from_str(&serde_json::to_string(&outcome.verdict)?).context("the verdict has another form")?;
     let replay_json = serde_json::to_vec(&outcome.replay)?;
     let _: Replay = serde_json::from_slice(&replay_json).context("the replay has another form")?;
     let object_path = format!("runs/{}/0/replay.json", input.run_id);
-    let new = NewObject { name: "replay.json", media_type: "application/json", object_path: &object_path, bytes: &replay_json };
+    let new = NewObject {
+        name: "replay.json",
+        media_type: "application/json",
+        object_path: &object_path,
+        bytes: &replay_json,
+    };
     let replay = objects::write(objects, &new).context("cannot write the replay")?;
     let (accepted, fault) = match decide::after_rehearsal(&verdict, input.claim.as_ref()) {
         Decision::Queue => (true, None),
         Decision::Reject(fault) => (false, Some(fault)),
     };
-    Ok(Ending::Verdict(Box::new(VerdictRecord { verdict, accepted, fault, replay })))
+    Ok(Ending::Verdict(Box::new(VerdictRecord {
+        verdict,
+        accepted,
+        fault,
+        replay,
+    })))
 }
 
 fn unexpected(job: &JobLease, error: &anyhow::Error) -> Ending {
     let error = format!("{error:#}");
     let message = "The check by the twin failed inside the service.".to_owned();
-    retry_or(job, error, Fault { whose: Whose::Platform, code: "rehearsal_failed".to_owned(), message })
+    retry_or(
+        job,
+        error,
+        Fault {
+            whose: Whose::Platform,
+            code: "rehearsal_failed".to_owned(),
+            message,
+        },
+    )
 }
 
 fn retry_or(job: &JobLease, error: String, fault: Fault) -> Ending {
     let then = if job.tries < ATTEMPTS {
-        JobFailure::Retry { after: decide::retry_pause(u32::try_from(job.tries).unwrap_or(0), decide::random()) }
+        JobFailure::Retry {
+            after: decide::retry_pause(u32::try_from(job.tries).unwrap_or(0), decide::random()),
+        }
     } else {
         JobFailure::Final { fault }
     };

@@ -22,15 +22,35 @@ async fn every_write_of_an_old_epoch_is_refused() {
     let (old, new) = two_attempts(&world).await;
     let before = world.store.run_get(new.run_id).await.unwrap();
     assert_eq!(world.store.run_heartbeat(old, LONG).await.unwrap(), Beat::Stale);
-    for state in [RunState::Running, RunState::Uploading, RunState::Done, RunState::Failed, RunState::Cancelled, RunState::Interrupted] {
+    for state in [
+        RunState::Running,
+        RunState::Uploading,
+        RunState::Done,
+        RunState::Failed,
+        RunState::Cancelled,
+        RunState::Interrupted,
+    ] {
         assert_eq!(world.reports(old, state).await, Reported::Stale, "{state:?}");
     }
     let file = file("run.mcap", 'b');
-    assert_eq!(world.store.run_file_put(old.run_id, old.epoch, &file).await.unwrap(), FilePut::Stale);
+    assert_eq!(
+        world.store.run_file_put(old.run_id, old.epoch, &file).await.unwrap(),
+        FilePut::Stale
+    );
     let crash = fault(Whose::Platform, "lab_restarted");
-    assert_eq!(world.store.run_salvage(old.run_id, old.epoch, &crash).await.unwrap(), Salvaged::Stale);
-    assert_eq!(world.store.run_get(new.run_id).await.unwrap(), before, "nothing was written");
-    assert!(matches!(world.store.run_heartbeat(new, LONG).await.unwrap(), Beat::Ok { .. }));
+    assert_eq!(
+        world.store.run_salvage(old.run_id, old.epoch, &crash).await.unwrap(),
+        Salvaged::Stale
+    );
+    assert_eq!(
+        world.store.run_get(new.run_id).await.unwrap(),
+        before,
+        "nothing was written"
+    );
+    assert!(matches!(
+        world.store.run_heartbeat(new, LONG).await.unwrap(),
+        Beat::Ok { .. }
+    ));
 }
 
 #[tokio::test]
@@ -44,7 +64,13 @@ async fn stale_and_fresh_writes_race_without_a_stale_one_getting_through() {
             match round % 4 {
                 0 => store.run_heartbeat(old, LONG).await.unwrap() == Beat::Stale,
                 1 => store.run_state_report(old.run_id, &report).await.unwrap() == Reported::Stale,
-                2 => store.run_file_put(old.run_id, old.epoch, &file("log.txt", 'c')).await.unwrap() == FilePut::Stale,
+                2 => {
+                    store
+                        .run_file_put(old.run_id, old.epoch, &file("log.txt", 'c'))
+                        .await
+                        .unwrap()
+                        == FilePut::Stale
+                }
                 _ => matches!(store.run_heartbeat(new, LONG).await.unwrap(), Beat::Ok { .. }),
             }
         });
@@ -58,7 +84,10 @@ async fn stale_and_fresh_writes_race_without_a_stale_one_getting_through() {
 async fn an_expired_lease_writes_nothing_even_before_the_sweep() {
     let world = world_with_lab().await;
     let fence = world.run_in(RunState::Preparing, LONG).await;
-    world.database.execute("UPDATE leases SET expires_at = clock_timestamp()").await;
+    world
+        .database
+        .execute("UPDATE leases SET expires_at = clock_timestamp()")
+        .await;
     assert_eq!(world.store.run_heartbeat(fence, LONG).await.unwrap(), Beat::Stale);
     assert_eq!(world.reports(fence, RunState::Running).await, Reported::Stale);
     assert_eq!(world.state(fence.run_id).await, RunState::Preparing);
@@ -68,7 +97,10 @@ async fn an_expired_lease_writes_nothing_even_before_the_sweep() {
 async fn another_process_with_the_right_epoch_is_refused() {
     let world = world_with_lab().await;
     let fence = world.run_in(RunState::Preparing, LONG).await;
-    let impostor = Fence { instance: Uuid::now_v7(), ..fence };
+    let impostor = Fence {
+        instance: Uuid::now_v7(),
+        ..fence
+    };
     assert_eq!(world.store.run_heartbeat(impostor, LONG).await.unwrap(), Beat::Stale);
     assert_eq!(world.reports(impostor, RunState::Running).await, Reported::Stale);
 }
@@ -77,10 +109,27 @@ async fn another_process_with_the_right_epoch_is_refused() {
 async fn reports_are_idempotent_and_follow_the_edges() {
     let world = world_with_lab().await;
     let fence = world.run_in(RunState::Preparing, LONG).await;
-    for state in [RunState::Done, RunState::Queued, RunState::Validating, RunState::Rejected] {
-        assert_eq!(world.reports(fence, state).await, Reported::NotAllowed { from: RunState::Preparing }, "{state:?}");
+    for state in [
+        RunState::Done,
+        RunState::Queued,
+        RunState::Validating,
+        RunState::Rejected,
+    ] {
+        assert_eq!(
+            world.reports(fence, state).await,
+            Reported::NotAllowed {
+                from: RunState::Preparing
+            },
+            "{state:?}"
+        );
     }
-    for state in [RunState::Running, RunState::Running, RunState::Uploading, RunState::Done, RunState::Done] {
+    for state in [
+        RunState::Running,
+        RunState::Running,
+        RunState::Uploading,
+        RunState::Done,
+        RunState::Done,
+    ] {
         assert_eq!(world.reports(fence, state).await, Reported::Ok, "{state:?}");
     }
     assert_eq!(world.reports(fence, RunState::Failed).await, Reported::Stale);
@@ -104,9 +153,21 @@ async fn files_follow_their_attempt_and_a_done_run_is_sealed() {
     assert_eq!(put(file("log.txt", 'c')).await, FilePut::Ok, "the same again");
     assert_eq!(put(file("log.txt", 'd')).await, FilePut::Sealed);
     assert_eq!(put(file("archive.zip", 'e')).await, FilePut::Ok);
-    let names: Vec<_> = world.store.run_files(fence.run_id).await.unwrap().into_iter().map(|file| file.name).collect();
+    let names: Vec<_> = world
+        .store
+        .run_files(fence.run_id)
+        .await
+        .unwrap()
+        .into_iter()
+        .map(|file| file.name)
+        .collect();
     assert_eq!(names, ["archive.zip", "log.txt", "replay.json"]);
-    let log = world.store.run_file_get(fence.run_id, "log.txt").await.unwrap().unwrap();
+    let log = world
+        .store
+        .run_file_get(fence.run_id, "log.txt")
+        .await
+        .unwrap()
+        .unwrap();
     assert_eq!(log, file("log.txt", 'c'));
     assert_eq!(world.store.run_get(fence.run_id).await.unwrap().unwrap().files.len(), 3);
 }

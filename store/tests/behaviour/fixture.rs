@@ -13,7 +13,11 @@ use uuid::Uuid;
 pub const LONG: Duration = Duration::from_secs(60);
 /// Runs out while a test waits for it.
 pub const SHORT: Duration = Duration::from_millis(60);
-pub const LIMITS: ReapLimits = ReapLimits { run_attempts: RUN_ATTEMPTS, job_attempts: 3, arena_hold: Duration::from_secs(60) };
+pub const LIMITS: ReapLimits = ReapLimits {
+    run_attempts: RUN_ATTEMPTS,
+    job_attempts: 3,
+    arena_hold: Duration::from_secs(60),
+};
 
 pub struct World {
     pub store: Store,
@@ -23,10 +27,18 @@ pub struct World {
 
 pub async fn world() -> World {
     let database = TestDatabase::new().await;
-    let options = StoreOptions { max_connections: 16, acquire_timeout: Duration::from_secs(30), ..StoreOptions::default() };
+    let options = StoreOptions {
+        max_connections: 16,
+        acquire_timeout: Duration::from_secs(30),
+        ..StoreOptions::default()
+    };
     let store = Store::connect(&database.url, options).await.unwrap();
     store.migrate().await.unwrap();
-    World { store, database, instance: Uuid::now_v7() }
+    World {
+        store,
+        database,
+        instance: Uuid::now_v7(),
+    }
 }
 
 /// With the reference laboratory registered and its robots online.
@@ -82,15 +94,31 @@ pub fn file(name: &str, byte: char) -> FileRecord {
 }
 
 pub fn fault(whose: Whose, code: &str) -> Fault {
-    Fault { whose, code: code.to_owned(), message: "For a test.".to_owned() }
+    Fault {
+        whose,
+        code: code.to_owned(),
+        message: "For a test.".to_owned(),
+    }
 }
 
 impl World {
     pub async fn report_status(&self, stopped: bool) {
         let lab = lab();
-        let robots =
-            lab.robots.iter().map(|robot| RobotStatus { name: robot.description.name.clone(), online: true, bus_v: Some(24.0) }).collect();
-        let status = LabStatus { lab: lab.name, arena: lab.arena.name, stopped, robots };
+        let robots = lab
+            .robots
+            .iter()
+            .map(|robot| RobotStatus {
+                name: robot.description.name.clone(),
+                online: true,
+                bus_v: Some(24.0),
+            })
+            .collect();
+        let status = LabStatus {
+            lab: lab.name,
+            arena: lab.arena.name,
+            stopped,
+            robots,
+        };
         assert!(self.store.lab_status_put(&status).await.unwrap());
     }
 
@@ -103,51 +131,110 @@ impl World {
     }
 
     pub async fn job(&self, lease: Duration) -> JobLease {
-        self.store.job_claim("rehearse", Uuid::now_v7(), lease).await.unwrap().expect("a job is ready")
+        self.store
+            .job_claim("rehearse", Uuid::now_v7(), lease)
+            .await
+            .unwrap()
+            .expect("a job is ready")
     }
 
     pub fn accepted(&self) -> VerdictRecord {
-        VerdictRecord { verdict: verdict(), accepted: true, fault: None, replay: file("replay.json", 'a') }
+        VerdictRecord {
+            verdict: verdict(),
+            accepted: true,
+            fault: None,
+            replay: file("replay.json", 'a'),
+        }
     }
 
     pub async fn queued(&self) -> Uuid {
         let run_id = self.submit().await;
         let job = self.job(LONG).await;
         assert_eq!(job.run_id, run_id);
-        assert_eq!(self.store.run_verdict_set(&job, &self.accepted()).await.unwrap(), JobWrite::Ok);
+        assert_eq!(
+            self.store.run_verdict_set(&job, &self.accepted()).await.unwrap(),
+            JobWrite::Ok
+        );
         run_id
     }
 
     pub fn claim(&self) -> Claim {
-        Claim { lab: "reference-lab".to_owned(), arena: "reference".to_owned(), instance: self.instance }
+        Claim {
+            lab: "reference-lab".to_owned(),
+            arena: "reference".to_owned(),
+            instance: self.instance,
+        }
     }
 
     /// Claims the next run; it is `preparing`.
     pub async fn preparing(&self, lease: Duration) -> Fence {
-        let claimed = self.store.run_claim(&self.claim(), lease).await.unwrap().expect("a run is queued and the arena is free");
-        Fence { run_id: claimed.run_id, epoch: claimed.epoch, instance: self.instance }
+        let claimed = self
+            .store
+            .run_claim(&self.claim(), lease)
+            .await
+            .unwrap()
+            .expect("a run is queued and the arena is free");
+        Fence {
+            run_id: claimed.run_id,
+            epoch: claimed.epoch,
+            instance: self.instance,
+        }
     }
 
     pub fn report(&self, fence: Fence, state: RunState) -> StateReport {
-        StateReport { epoch: fence.epoch, instance: fence.instance, state, fault: None, ticks_recorded: None, ticks_missed: None }
+        StateReport {
+            epoch: fence.epoch,
+            instance: fence.instance,
+            state,
+            fault: None,
+            ticks_recorded: None,
+            ticks_missed: None,
+        }
     }
 
     pub async fn reports(&self, fence: Fence, state: RunState) -> Reported {
-        self.store.run_state_report(fence.run_id, &self.report(fence, state)).await.unwrap()
+        self.store
+            .run_state_report(fence.run_id, &self.report(fence, state))
+            .await
+            .unwrap()
     }
 
     /// Submits, queues, claims and moves a run as far as `state`.
     pub async fn run_in(&self, state: RunState, lease: Duration) -> Fence {
-        let nobody = Fence { run_id: Uuid::nil(), epoch: 0, instance: self.instance };
+        let nobody = Fence {
+            run_id: Uuid::nil(),
+            epoch: 0,
+            instance: self.instance,
+        };
         match state {
-            RunState::Validating => return Fence { run_id: self.submit().await, ..nobody },
+            RunState::Validating => {
+                return Fence {
+                    run_id: self.submit().await,
+                    ..nobody
+                };
+            }
             RunState::Rejected => {
                 let run_id = self.submit().await;
-                let refused = VerdictRecord { accepted: false, fault: Some(fault(Whose::User, "rejected_by_twin")), ..self.accepted() };
-                assert_eq!(self.store.run_verdict_set(&self.job(LONG).await, &refused).await.unwrap(), JobWrite::Ok);
+                let refused = VerdictRecord {
+                    accepted: false,
+                    fault: Some(fault(Whose::User, "rejected_by_twin")),
+                    ..self.accepted()
+                };
+                assert_eq!(
+                    self.store
+                        .run_verdict_set(&self.job(LONG).await, &refused)
+                        .await
+                        .unwrap(),
+                    JobWrite::Ok
+                );
                 return Fence { run_id, ..nobody };
             }
-            RunState::Queued => return Fence { run_id: self.queued().await, ..nobody },
+            RunState::Queued => {
+                return Fence {
+                    run_id: self.queued().await,
+                    ..nobody
+                };
+            }
             _ => {}
         }
         self.queued().await;
@@ -165,7 +252,10 @@ impl World {
             assert_eq!(self.reports(fence, *step).await, Reported::Ok, "{step:?}");
         }
         if !path.is_empty() && !state.is_terminal() {
-            assert!(matches!(self.store.run_heartbeat(fence, lease).await.unwrap(), Beat::Ok { .. }));
+            assert!(matches!(
+                self.store.run_heartbeat(fence, lease).await.unwrap(),
+                Beat::Ok { .. }
+            ));
         }
         fence
     }

@@ -8,9 +8,18 @@ async fn a_token_names_its_owner_until_revoked() {
     let world = world().await;
     for role in Role::ALL {
         let plain = world.store.token_create(role, "ada").await.unwrap();
-        assert_eq!(world.store.token_lookup(&plain).await.unwrap(), Some(Principal { user: "ada".to_owned(), role }));
+        assert_eq!(
+            world.store.token_lookup(&plain).await.unwrap(),
+            Some(Principal {
+                user: "ada".to_owned(),
+                role
+            })
+        );
         assert_eq!(world.store.token_lookup(&plain[..plain.len() - 1]).await.unwrap(), None);
-        let kept: i64 = world.database.scalar(&format!("SELECT count(*) FROM tokens WHERE prefix = '{plain}'")).await;
+        let kept: i64 = world
+            .database
+            .scalar(&format!("SELECT count(*) FROM tokens WHERE prefix = '{plain}'"))
+            .await;
         assert_eq!((plain.len(), kept), (68, 0), "the plain token is not kept");
         assert!(world.store.token_revoke(&plain).await.unwrap());
         assert!(!world.store.token_revoke(&plain).await.unwrap());

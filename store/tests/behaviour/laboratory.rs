@@ -12,24 +12,59 @@ async fn robots_and_arenas_go_offline_when_nobody_reports() {
     assert!(robots.iter().all(|robot| robot.state == "offline"), "never reported");
     world.report_status(false).await;
     let robots = world.store.robot_list().await.unwrap();
-    assert!(robots.iter().all(|robot| robot.state == "idle" && robot.bus_v == Some(24.0)));
+    assert!(
+        robots
+            .iter()
+            .all(|robot| robot.state == "idle" && robot.bus_v == Some(24.0))
+    );
     assert_eq!(robots[0].robot, lab().robots[0]);
     assert_eq!(world.store.arena_list().await.unwrap()[0].state, "free");
-    world.database.execute("UPDATE robot_status SET seen_at = seen_at - interval '5.1 seconds'").await;
-    world.database.execute("UPDATE arena_status SET seen_at = seen_at - interval '5.1 seconds'").await;
-    assert!(world.store.robot_list().await.unwrap().iter().all(|robot| robot.state == "offline" && robot.message.is_some()));
+    world
+        .database
+        .execute("UPDATE robot_status SET seen_at = seen_at - interval '5.1 seconds'")
+        .await;
+    world
+        .database
+        .execute("UPDATE arena_status SET seen_at = seen_at - interval '5.1 seconds'")
+        .await;
+    assert!(
+        world
+            .store
+            .robot_list()
+            .await
+            .unwrap()
+            .iter()
+            .all(|robot| robot.state == "offline" && robot.message.is_some())
+    );
     assert_eq!(world.store.arena_list().await.unwrap()[0].state, "offline");
 }
 
 #[tokio::test]
 async fn a_status_of_an_unknown_laboratory_is_refused() {
     let world = world_with_lab().await;
-    let status = LabStatus { lab: "another".to_owned(), arena: "reference".to_owned(), stopped: true, robots: Vec::new() };
+    let status = LabStatus {
+        lab: "another".to_owned(),
+        arena: "reference".to_owned(),
+        stopped: true,
+        robots: Vec::new(),
+    };
     assert!(!world.store.lab_status_put(&status).await.unwrap());
     assert_eq!(world.store.arena_list().await.unwrap()[0].state, "free");
-    let ghost = RobotStatus { name: "ghost".to_owned(), online: true, bus_v: None };
-    let status = LabStatus { lab: "reference-lab".to_owned(), arena: "reference".to_owned(), stopped: false, robots: vec![ghost] };
-    assert!(world.store.lab_status_put(&status).await.unwrap(), "a robot that is not registered is ignored");
+    let ghost = RobotStatus {
+        name: "ghost".to_owned(),
+        online: true,
+        bus_v: None,
+    };
+    let status = LabStatus {
+        lab: "reference-lab".to_owned(),
+        arena: "reference".to_owned(),
+        stopped: false,
+        robots: vec![ghost],
+    };
+    assert!(
+        world.store.lab_status_put(&status).await.unwrap(),
+        "a robot that is not registered is ignored"
+    );
     assert_eq!(world.store.robot_list().await.unwrap().len(), 6);
 }
 

@@ -8,7 +8,10 @@ use tokio::sync::broadcast::Receiver;
 use tokio::time::timeout;
 
 async fn next(changes: &mut Receiver<Change>) -> Change {
-    timeout(Duration::from_secs(20), changes.recv()).await.expect("a hint comes").unwrap()
+    timeout(Duration::from_secs(20), changes.recv())
+        .await
+        .expect("a hint comes")
+        .unwrap()
 }
 
 #[tokio::test]
@@ -22,16 +25,23 @@ async fn every_change_of_state_is_hinted_once() {
     for _ in 0..4 {
         seen.push(next(&mut changes).await);
     }
-    assert_eq!(seen, [run, Change::Jobs, run, run], "submitted with its job, queued, preparing");
+    assert_eq!(
+        seen,
+        [run, Change::Jobs, run, run],
+        "submitted with its job, queued, preparing"
+    );
     // Heartbeats, status reports and files are silent.
     world.store.run_heartbeat(fence, LONG).await.unwrap();
     world.report_status(false).await;
-    world.store.run_file_put(fence.run_id, fence.epoch, &file("log.txt", 'b')).await.unwrap();
+    world
+        .store
+        .run_file_put(fence.run_id, fence.epoch, &file("log.txt", 'b'))
+        .await
+        .unwrap();
     world.store.run_cancel(fence.run_id, "ada").await.unwrap();
     assert_eq!(next(&mut changes).await, run);
     assert!(changes.try_recv().is_err());
 }
-
 
 #[tokio::test]
 async fn a_lost_connection_comes_back() {

@@ -11,14 +11,35 @@ async fn a_run_that_never_moved_is_queued_again_and_fails_the_third_time() {
     for attempt in 1..=3 {
         let fence = world.preparing(SHORT).await;
         assert_eq!(fence.run_id, run_id);
-        let state = if attempt < 3 { RunState::Queued } else { RunState::Failed };
-        assert_eq!(world.reap_something().await, [Reaped::Run { run_id, epoch: fence.epoch, state }], "attempt {attempt}");
+        let state = if attempt < 3 {
+            RunState::Queued
+        } else {
+            RunState::Failed
+        };
+        assert_eq!(
+            world.reap_something().await,
+            [Reaped::Run {
+                run_id,
+                epoch: fence.epoch,
+                state
+            }],
+            "attempt {attempt}"
+        );
         world.free_arena().await;
     }
     let run = world.store.run_get(run_id).await.unwrap().unwrap();
     let fault = run.fault.unwrap();
-    assert_eq!((run.state, fault.whose, fault.code.as_str()), (RunState::Failed, Whose::Platform, "attempts_used_up"));
-    assert_eq!(world.database.scalar::<i64>("SELECT count(*) FROM attempts WHERE ended_at IS NOT NULL").await, 3);
+    assert_eq!(
+        (run.state, fault.whose, fault.code.as_str()),
+        (RunState::Failed, Whose::Platform, "attempts_used_up")
+    );
+    assert_eq!(
+        world
+            .database
+            .scalar::<i64>("SELECT count(*) FROM attempts WHERE ended_at IS NOT NULL")
+            .await,
+        3
+    );
 }
 
 #[tokio::test]
@@ -30,7 +51,10 @@ async fn a_run_that_moved_is_interrupted_and_holds_the_arena() {
         world.reap_something().await;
         let run = world.store.run_get(fence.run_id).await.unwrap().unwrap();
         let fault = run.fault.unwrap();
-        assert_eq!((run.state, fault.whose, fault.code.as_str()), (RunState::Interrupted, Whose::Platform, "lease_lost"));
+        assert_eq!(
+            (run.state, fault.whose, fault.code.as_str()),
+            (RunState::Interrupted, Whose::Platform, "lease_lost")
+        );
         world.report_status(false).await;
         let arena = world.store.arena_list().await.unwrap().remove(0);
         assert_eq!(arena.state, "held");
@@ -46,7 +70,10 @@ async fn the_hold_ends_by_itself() {
     let world = world_with_lab().await;
     world.run_in(RunState::Running, SHORT).await;
     world.queued().await;
-    let limits = ReapLimits { arena_hold: std::time::Duration::from_millis(200), ..LIMITS };
+    let limits = ReapLimits {
+        arena_hold: std::time::Duration::from_millis(200),
+        ..LIMITS
+    };
     let limit = tokio::time::Instant::now() + std::time::Duration::from_secs(20);
     loop {
         world.store.reap(&limits).await.unwrap();
@@ -90,14 +117,24 @@ async fn a_lease_that_beats_is_left_alone() {
 async fn eight_reapers_change_a_run_once() {
     let world = world_with_lab().await;
     let fence = world.run_in(RunState::Running, LONG).await;
-    world.database.execute("UPDATE leases SET expires_at = clock_timestamp()").await;
+    world
+        .database
+        .execute("UPDATE leases SET expires_at = clock_timestamp()")
+        .await;
     let mut tasks = tokio::task::JoinSet::new();
     for _ in 0..8 {
         let store = world.store.clone();
         tasks.spawn(async move { store.reap(&LIMITS).await.unwrap() });
     }
     let reaped = tasks.join_all().await.concat();
-    assert_eq!(reaped, [Reaped::Run { run_id: fence.run_id, epoch: fence.epoch, state: RunState::Interrupted }]);
+    assert_eq!(
+        reaped,
+        [Reaped::Run {
+            run_id: fence.run_id,
+            epoch: fence.epoch,
+            state: RunState::Interrupted
+        }]
+    );
 }
 
 #[tokio::test]
@@ -105,15 +142,59 @@ async fn salvage_closes_the_attempt_and_takes_its_files() {
     let world = world_with_lab().await;
     let crash = fault(Whose::Platform, "lab_restarted");
     let fence = world.run_in(RunState::Running, LONG).await;
-    let salvaged = world.store.run_salvage(fence.run_id, fence.epoch, &crash).await.unwrap();
-    assert_eq!(salvaged, Salvaged::Ok { state: RunState::Interrupted });
-    assert_eq!(world.store.run_salvage(fence.run_id, fence.epoch, &crash).await.unwrap(), salvaged, "again");
-    assert_eq!(world.store.run_salvage(fence.run_id, fence.epoch + 1, &crash).await.unwrap(), Salvaged::Stale);
-    assert_eq!(world.store.run_file_put(fence.run_id, fence.epoch, &file("log.txt", 'b')).await.unwrap(), FilePut::Ok);
-    assert_eq!(world.store.run_get(fence.run_id).await.unwrap().unwrap().fault, Some(crash.clone()));
+    let salvaged = world
+        .store
+        .run_salvage(fence.run_id, fence.epoch, &crash)
+        .await
+        .unwrap();
+    assert_eq!(
+        salvaged,
+        Salvaged::Ok {
+            state: RunState::Interrupted
+        }
+    );
+    assert_eq!(
+        world
+            .store
+            .run_salvage(fence.run_id, fence.epoch, &crash)
+            .await
+            .unwrap(),
+        salvaged,
+        "again"
+    );
+    assert_eq!(
+        world
+            .store
+            .run_salvage(fence.run_id, fence.epoch + 1, &crash)
+            .await
+            .unwrap(),
+        Salvaged::Stale
+    );
+    assert_eq!(
+        world
+            .store
+            .run_file_put(fence.run_id, fence.epoch, &file("log.txt", 'b'))
+            .await
+            .unwrap(),
+        FilePut::Ok
+    );
+    assert_eq!(
+        world.store.run_get(fence.run_id).await.unwrap().unwrap().fault,
+        Some(crash.clone())
+    );
     assert_eq!(world.store.arena_list().await.unwrap()[0].state, "free");
 
     let prepared = world.run_in(RunState::Preparing, LONG).await;
-    let salvaged = world.store.run_salvage(prepared.run_id, prepared.epoch, &crash).await.unwrap();
-    assert_eq!(salvaged, Salvaged::Ok { state: RunState::Queued }, "nothing moved");
+    let salvaged = world
+        .store
+        .run_salvage(prepared.run_id, prepared.epoch, &crash)
+        .await
+        .unwrap();
+    assert_eq!(
+        salvaged,
+        Salvaged::Ok {
+            state: RunState::Queued
+        },
+        "nothing moved"
+    );
 }

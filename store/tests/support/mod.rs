@@ -37,15 +37,25 @@ impl TestDatabase {
     pub async fn private() -> Self {
         let cluster = Cluster::start();
         cluster.wait_until_ready().await;
-        Self { url: cluster.url(), cluster: Some(cluster), dropped_from: None }
+        Self {
+            url: cluster.url(),
+            cluster: Some(cluster),
+            dropped_from: None,
+        }
     }
 
     async fn on_shared_server(admin_url: &str) -> Self {
         let name = format!("robopheus_test_{}", uuid::Uuid::now_v7().simple());
         execute_at(admin_url, &format!("CREATE DATABASE {name}")).await;
-        let options = PgConnectOptions::from_str(admin_url).expect("the address of the test database reads").database(&name);
+        let options = PgConnectOptions::from_str(admin_url)
+            .expect("the address of the test database reads")
+            .database(&name);
         let url = options.to_url_lossy().to_string();
-        Self { url, cluster: None, dropped_from: Some((name, admin_url.to_owned())) }
+        Self {
+            url,
+            cluster: None,
+            dropped_from: Some((name, admin_url.to_owned())),
+        }
     }
 
     /// Runs any SQL, for what the store's functions do not offer. Panics when the server refuses.
@@ -56,7 +66,10 @@ impl TestDatabase {
     /// Runs any SQL and hands the server's refusal out.
     pub async fn try_execute(&self, sql: &str) -> Result<u64, sqlx::Error> {
         let mut connection = PgConnection::connect(&self.url).await?;
-        Ok(sqlx::query(AssertSqlSafe(sql.to_owned())).execute(&mut connection).await?.rows_affected())
+        Ok(sqlx::query(AssertSqlSafe(sql.to_owned()))
+            .execute(&mut connection)
+            .await?
+            .rows_affected())
     }
 
     /// One value.
@@ -65,19 +78,28 @@ impl TestDatabase {
         for<'r> (T,): sqlx::FromRow<'r, PgRow>,
         T: Send + Unpin,
     {
-        let mut connection = PgConnection::connect(&self.url).await.expect("the test database answers");
-        let (value,): (T,) =
-            sqlx::query_as(AssertSqlSafe(sql.to_owned())).fetch_one(&mut connection).await.expect("the statement gives one row");
+        let mut connection = PgConnection::connect(&self.url)
+            .await
+            .expect("the test database answers");
+        let (value,): (T,) = sqlx::query_as(AssertSqlSafe(sql.to_owned()))
+            .fetch_one(&mut connection)
+            .await
+            .expect("the statement gives one row");
         value
     }
 }
 
 impl Drop for TestDatabase {
     fn drop(&mut self) {
-        let Some((name, admin_url)) = self.dropped_from.take() else { return };
+        let Some((name, admin_url)) = self.dropped_from.take() else {
+            return;
+        };
         // A thread of its own: a runtime may not be entered from inside another.
         let dropping = std::thread::spawn(move || {
-            let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime starts");
+            let runtime = tokio::runtime::Builder::new_current_thread()
+                .enable_all()
+                .build()
+                .expect("a runtime starts");
             runtime.block_on(execute_at(&admin_url, &format!("DROP DATABASE {name} WITH (FORCE)")));
         });
         if dropping.join().is_err() {
@@ -88,7 +110,10 @@ impl Drop for TestDatabase {
 
 async fn execute_at(url: &str, sql: &str) {
     let mut connection = PgConnection::connect(url).await.expect("the test database answers");
-    sqlx::raw_sql(AssertSqlSafe(sql.to_owned())).execute(&mut connection).await.expect("the test database takes the statement");
+    sqlx::raw_sql(AssertSqlSafe(sql.to_owned()))
+        .execute(&mut connection)
+        .await
+        .expect("the test database takes the statement");
 }
 
 /// A private PostgreSQL on a socket in a temporary folder.
@@ -108,7 +133,18 @@ impl Cluster {
         if let Some(user) = server_user() {
             run(Command::new("chown").arg(&user).arg(&cluster.folder));
         }
-        let initdb = ["-D", "data", "-A", "trust", "-U", "robopheus", "-E", "UTF8", "--no-sync", "--locale=C"];
+        let initdb = [
+            "-D",
+            "data",
+            "-A",
+            "trust",
+            "-U",
+            "robopheus",
+            "-E",
+            "UTF8",
+            "--no-sync",
+            "--locale=C",
+        ];
         run(as_server_user("initdb").args(initdb).current_dir(&cluster.folder));
         cluster.resume();
         cluster
@@ -116,7 +152,16 @@ impl Cluster {
 
     /// Starts the server of a cluster that was taken away.
     pub fn resume(&mut self) {
-        let settings = ["-c", "listen_addresses=", "-c", "shared_buffers=16MB", "-c", "max_connections=60", "-c", "fsync=on"];
+        let settings = [
+            "-c",
+            "listen_addresses=",
+            "-c",
+            "shared_buffers=16MB",
+            "-c",
+            "max_connections=60",
+            "-c",
+            "fsync=on",
+        ];
         let log = std::fs::File::create(self.folder.join("log")).expect("the log can be made");
         let server = as_server_user("postgres")
             .args(["-D", "data", "-k"])
@@ -162,7 +207,10 @@ impl Cluster {
 
     fn stop(&mut self, signal: &str) {
         let Some(mut server) = self.server.take() else { return };
-        let _ = Command::new("kill").arg(format!("-{signal}")).arg(server.id().to_string()).status();
+        let _ = Command::new("kill")
+            .arg(format!("-{signal}"))
+            .arg(server.id().to_string())
+            .status();
         let _ = server.wait();
     }
 }
@@ -176,10 +224,17 @@ impl Drop for Cluster {
 
 /// PostgreSQL refuses root; then it runs as the first of these that exists.
 fn server_user() -> Option<String> {
-    let is_root = std::fs::metadata("/proc/self").is_ok_and(|metadata| std::os::unix::fs::MetadataExt::uid(&metadata) == 0);
+    let is_root =
+        std::fs::metadata("/proc/self").is_ok_and(|metadata| std::os::unix::fs::MetadataExt::uid(&metadata) == 0);
     let accounts = std::fs::read_to_string("/etc/passwd").unwrap_or_default();
     let exists = |name: &&str| accounts.lines().any(|line| line.split(':').next() == Some(*name));
-    is_root.then(|| ["postgres", "nobody"].into_iter().find(exists).expect("an account for PostgreSQL exists").to_owned())
+    is_root.then(|| {
+        ["postgres", "nobody"]
+            .into_iter()
+            .find(exists)
+            .expect("an account for PostgreSQL exists")
+            .to_owned()
+    })
 }
 
 /// Dies with the test process, even when that is killed.
@@ -195,18 +250,36 @@ fn as_server_user(program: &str) -> Command {
 
 fn user_group(user: &str) -> String {
     let accounts = std::fs::read_to_string("/etc/passwd").unwrap_or_default();
-    let line = accounts.lines().find(|line| line.split(':').next() == Some(user)).unwrap_or_default();
+    let line = accounts
+        .lines()
+        .find(|line| line.split(':').next() == Some(user))
+        .unwrap_or_default();
     line.split(':').nth(3).unwrap_or("65534").to_owned()
 }
 
 fn binary(program: &str) -> PathBuf {
-    let packaged = std::fs::read_dir("/usr/lib/postgresql").into_iter().flatten().flatten().map(|entry| entry.path().join("bin"));
-    let on_path = std::env::var_os("PATH").map(|path| std::env::split_paths(&path).collect::<Vec<_>>()).unwrap_or_default();
-    let found = packaged.chain(on_path).map(|folder: PathBuf| folder.join(program)).find(|path: &PathBuf| Path::exists(path));
+    let packaged = std::fs::read_dir("/usr/lib/postgresql")
+        .into_iter()
+        .flatten()
+        .flatten()
+        .map(|entry| entry.path().join("bin"));
+    let on_path = std::env::var_os("PATH")
+        .map(|path| std::env::split_paths(&path).collect::<Vec<_>>())
+        .unwrap_or_default();
+    let found = packaged
+        .chain(on_path)
+        .map(|folder: PathBuf| folder.join(program))
+        .find(|path: &PathBuf| Path::exists(path));
     found.unwrap_or_else(|| panic!("`{program}` is not installed: install PostgreSQL or set TEST_DATABASE_URL"))
 }
 
 fn run(command: &mut Command) {
-    let output = command.output().unwrap_or_else(|error| panic!("{command:?} does not start: {error}"));
-    assert!(output.status.success(), "{command:?} failed: {}", String::from_utf8_lossy(&output.stderr));
+    let output = command
+        .output()
+        .unwrap_or_else(|error| panic!("{command:?} does not start: {error}"));
+    assert!(
+        output.status.success(),
+        "{command:?} failed: {}",
+        String::from_utf8_lossy(&output.stderr)
+    );
 }
