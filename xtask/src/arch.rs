@@ -23,9 +23,13 @@ const EDGES: &[(&str, &[&str])] = &[
     ("store", &["api"]),
     ("system-tests", &["api"]),
     ("twin", &[]),
-    ("web-ui", &["api"]),
+    // Of control only the tables of the laws' parameters: labels, units and limits stand in one place.
+    ("web-ui", &["api", "control"]),
     ("xtask", &[]),
 ];
+
+/// Further packages that only the tests of a package may use.
+const TEST_EDGES: &[(&str, &[&str])] = &[("control", &["api"]), ("system-tests", &["control"])];
 
 /// Which packages alone may depend directly on a given package.
 const OWNERS: &[(&str, &[&str])] = &[
@@ -122,12 +126,25 @@ fn edge_problems(graph: &Graph) -> Vec<String> {
             ));
             continue;
         };
-        let inner = member
+        let is_inner = |other: &&String| graph.contains_key(*other) && *other != name;
+        for other in member
             .direct
             .iter()
-            .filter(|other| graph.contains_key(*other) && *other != name);
-        for other in inner.filter(|other| !allowed.contains(&other.as_str())) {
+            .filter(is_inner)
+            .filter(|other| !allowed.contains(&other.as_str()))
+        {
             problems.push(format!("{name} depends on {other}; it may depend on {allowed:?} only"));
+        }
+        let in_tests = TEST_EDGES
+            .iter()
+            .find(|(package, _)| package == name)
+            .map_or(&[] as &[&str], |(_, more)| more);
+        for other in member.for_tests.iter().filter(is_inner) {
+            if !allowed.contains(&other.as_str()) && !in_tests.contains(&other.as_str()) {
+                problems.push(format!(
+                    "the tests of {name} depend on {other}; they may also depend on {in_tests:?} only"
+                ));
+            }
         }
     }
     problems
@@ -136,7 +153,8 @@ fn edge_problems(graph: &Graph) -> Vec<String> {
 fn owner_problems(graph: &Graph) -> Vec<String> {
     let mut problems = Vec::new();
     for (package, owners) in OWNERS {
-        let users = graph.values().filter(|member| member.direct.contains(*package));
+        let uses = |member: &&Member| member.direct.contains(*package) || member.for_tests.contains(*package);
+        let users = graph.values().filter(uses);
         for user in users.filter(|user| !owners.contains(&user.name.as_str())) {
             problems.push(format!(
                 "{} depends on {package}, which belongs to {} only",
@@ -206,9 +224,19 @@ mod tests {
     fn the_plant_may_not_become_the_model() {
         let bad = graph(&[("emulator", &["twin"], &["twin"]), ("twin", &[], &[])]);
         assert_eq!(edge_problems(&bad).len(), 1);
-        assert!(linked_problems(&bad, "emulator", &["twin"], "").first().is_some());
+        assert!(!linked_problems(&bad, "emulator", &["twin"], "").is_empty());
         let good = graph(&[("emulator", &["robot"], &["robot"]), ("robot", &[], &[])]);
         assert!(edge_problems(&good).is_empty());
+    }
+
+    #[test]
+    fn what_tests_may_use_the_package_itself_may_not() {
+        let mut graph = graph(&[("control", &[], &[]), ("api", &[], &[])]);
+        let control = graph.get_mut("control").unwrap();
+        control.for_tests.insert("api".to_owned());
+        assert!(edge_problems(&graph).is_empty());
+        graph.get_mut("control").unwrap().direct.insert("api".to_owned());
+        assert_eq!(edge_problems(&graph).len(), 1);
     }
 
     #[test]

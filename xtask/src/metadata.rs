@@ -56,8 +56,10 @@ struct KindRow {
 pub struct Member {
     pub name: String,
     pub folder: PathBuf,
-    /// Direct dependencies, build and test dependencies included.
+    /// Direct dependencies of the package itself and of its build script.
     pub direct: BTreeSet<String>,
+    /// Direct dependencies of its tests only.
+    pub for_tests: BTreeSet<String>,
     /// Every package it is linked with in the end (no build or test dependencies).
     pub linked: BTreeSet<String>,
 }
@@ -101,10 +103,13 @@ fn parse(text: &str) -> Result<BTreeMap<String, Member>> {
 
 fn member(row: &PackageRow, names: &BTreeMap<&str, &str>, edges: &BTreeMap<&str, Vec<&str>>) -> Member {
     let folder = row.manifest_path.parent().map(PathBuf::from).unwrap_or_default();
-    let direct = row
-        .dependencies
-        .iter()
-        .filter(|one| one.kind.as_deref() != Some("dev") || one.name != row.name);
+    let named = |dev: bool| {
+        let rows = row
+            .dependencies
+            .iter()
+            .filter(move |one| (one.kind.as_deref() == Some("dev")) == dev);
+        rows.map(|one| one.name.clone()).collect()
+    };
     let mut linked_ids: BTreeSet<&str> = BTreeSet::new();
     let mut open: Vec<&str> = vec![&row.id];
     while let Some(id) = open.pop() {
@@ -122,7 +127,8 @@ fn member(row: &PackageRow, names: &BTreeMap<&str, &str>, edges: &BTreeMap<&str,
     Member {
         name: row.name.clone(),
         folder,
-        direct: direct.map(|one| one.name.clone()).collect(),
+        direct: named(false),
+        for_tests: named(true),
         linked,
     }
 }
@@ -154,7 +160,8 @@ mod tests {
         let members = parse(text).unwrap();
         let alpha = &members["alpha"];
         assert_eq!(alpha.linked, ["beta", "deep"].map(String::from).into());
-        assert_eq!(alpha.direct, ["beta", "checker"].map(String::from).into());
+        assert_eq!(alpha.direct, ["beta"].map(String::from).into());
+        assert_eq!(alpha.for_tests, ["checker"].map(String::from).into());
         assert_eq!(alpha.folder, PathBuf::from("/w/alpha"));
     }
 }

@@ -56,7 +56,7 @@ fn files_below(root: &Path) -> Result<Vec<PathBuf>> {
             let text = name.to_string_lossy();
             let path = folder.join(&name);
             if entry.file_type()?.is_dir() {
-                if !(text.starts_with('.') && text != ".ci" && text != ".config") && !is_skipped(&folder, &text) {
+                if !is_skipped(&folder, &text) {
                     open.push(path);
                 }
             } else {
@@ -70,7 +70,9 @@ fn files_below(root: &Path) -> Result<Vec<PathBuf>> {
 
 fn is_skipped(parent: &Path, name: &str) -> bool {
     let at_root = parent.as_os_str().is_empty();
-    name == "node_modules"
+    let is_hidden = name.starts_with('.') && name != ".ci" && name != ".config";
+    is_hidden
+        || name == "node_modules"
         || (at_root && name.starts_with("target"))
         || (SKIPPED_FOLDERS.contains(&name) && (at_root || parent == Path::new("static")))
 }
@@ -106,6 +108,8 @@ mod tests {
     fn built_folders_are_not_looked_at() {
         assert!(is_skipped(Path::new(""), "target-wasm"));
         assert!(is_skipped(Path::new("static"), "bundle"));
+        assert!(is_skipped(Path::new(""), ".git"));
+        assert!(!is_skipped(Path::new(""), ".ci"));
         assert!(!is_skipped(Path::new("identify/src"), "bundle"));
         assert!(!is_skipped(Path::new("lab/src"), "target"));
     }

@@ -124,6 +124,7 @@ fn serve(data: &Path, programs: &Programs) -> Result<End> {
 /// Starts one process after the other, each once the one before it is ready.
 fn start(supervisor: &mut Supervisor, programs: &Programs, record: &Record) -> Result<()> {
     for name in supervisor.names() {
+        println!("up: starting {name}");
         supervisor.start(name);
         let begun = std::time::Instant::now();
         while !programs.is_ready(name) {

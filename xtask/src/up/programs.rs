@@ -233,7 +233,11 @@ fn is_healthy(port: u16) -> bool {
     let ask = || -> std::io::Result<bool> {
         let mut stream = TcpStream::connect_timeout(&(Ipv4Addr::LOCALHOST, port).into(), HEALTH_LIMIT)?;
         stream.set_read_timeout(Some(HEALTH_LIMIT))?;
-        stream.write_all(b"GET /api/v1/health HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\n\r\n")?;
+        // The server refuses a Host that is not its own address.
+        write!(
+            stream,
+            "GET /api/v1/health HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nConnection: close\r\n\r\n"
+        )?;
         let mut start = [0_u8; 12];
         stream.read_exact(&mut start)?;
         Ok(start.starts_with(b"HTTP/1.1 200"))
