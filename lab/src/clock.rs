@@ -34,7 +34,10 @@ pub fn wait_until_ns(deadline_ns: i64) {
 
 fn sleep_until_ns(deadline_ns: i64) {
     while monotonic_ns() < deadline_ns {
-        let wake = timespec { tv_sec: deadline_ns / NS_PER_S, tv_nsec: deadline_ns % NS_PER_S };
+        let wake = timespec {
+            tv_sec: deadline_ns / NS_PER_S,
+            tv_nsec: deadline_ns % NS_PER_S,
+        };
         // An absolute deadline does not drift with the time spent before the call, which `thread::sleep` would.
         #[allow(unsafe_code)]
         // SAFETY: `wake` is a valid timespec; the remaining-time pointer may be null.

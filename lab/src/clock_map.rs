@@ -16,7 +16,11 @@ struct Bounds {
     upper_us: i64,
 }
 
-const EMPTY: Bounds = Bounds { number: i64::MIN, lower_us: i64::MIN, upper_us: i64::MAX };
+const EMPTY: Bounds = Bounds {
+    number: i64::MIN,
+    lower_us: i64::MIN,
+    upper_us: i64::MAX,
+};
 
 /// See the module.
 #[derive(Debug, Clone)]
@@ -42,7 +46,11 @@ pub const fn link_clock_ms(now_us: i64) -> u32 {
 
 impl Default for ClockMap {
     fn default() -> Self {
-        Self { buckets: [EMPTY; BUCKETS], robot_ms: 0, heard: false }
+        Self {
+            buckets: [EMPTY; BUCKETS],
+            robot_ms: 0,
+            heard: false,
+        }
     }
 }
 
@@ -54,7 +62,11 @@ impl ClockMap {
         let step_ms = i64::from(robot_clock_ms.wrapping_sub(self.robot_ms as u32) as i32);
         if !self.heard || step_ms.abs() > 10_000 {
             // First frame, or a robot that was switched off and on.
-            *self = Self { robot_ms: i64::from(robot_clock_ms), heard: true, ..Self::default() };
+            *self = Self {
+                robot_ms: i64::from(robot_clock_ms),
+                heard: true,
+                ..Self::default()
+            };
         } else {
             self.robot_ms += step_ms;
         }
@@ -84,12 +96,18 @@ impl ClockMap {
         let lower_us = live().map(|bucket| bucket.lower_us).max().unwrap_or(i64::MIN);
         if lower_us == i64::MIN {
             // Nothing bounds the link delay yet: the arrival is the best guess.
-            return MappedTime { at_us: arrival_us, bound_us: i64::MAX };
+            return MappedTime {
+                at_us: arrival_us,
+                bound_us: i64::MAX,
+            };
         }
         // Drift inside the window can cross the bounds by a fraction of a millisecond.
         let (lower_us, upper_us) = (lower_us.min(upper_us), upper_us);
         let offset_us = lower_us + (upper_us - lower_us) / 2;
-        MappedTime { at_us: (robot_us + offset_us).min(arrival_us), bound_us: (upper_us - lower_us) / 2 }
+        MappedTime {
+            at_us: (robot_us + offset_us).min(arrival_us),
+            bound_us: (upper_us - lower_us) / 2,
+        }
     }
 }
 
@@ -114,7 +132,10 @@ mod tests {
             let clock_ms = (robot_count_us(sample_us) / 1000) as u32;
             let echo_ms = link_clock_ms(sample_us - 3000 - (k * 1237) % 8333);
             let mapped = map.observe(clock_ms, echo_ms, sample_us + 5000 + (k * 977) % 4000);
-            assert!((mapped.at_us - sample_us).abs() <= mapped.bound_us.saturating_add(1500), "{k}: {mapped:?} {sample_us}");
+            assert!(
+                (mapped.at_us - sample_us).abs() <= mapped.bound_us.saturating_add(1500),
+                "{k}: {mapped:?} {sample_us}"
+            );
             tight += i64::from(mapped.bound_us < 6000);
         }
         assert!(tight > 1900, "only {tight} tight estimates");

@@ -48,7 +48,9 @@ async fn try_deliver(lab: &Lab, attempt: &Attempt, conclusion: &Conclusion, leas
         ticks_recorded: None,
         ticks_missed: None,
     };
-    report(lab, attempt.run_id, &uploading, &give_up).await.context("report `uploading`")?;
+    report(lab, attempt.run_id, &uploading, &give_up)
+        .await
+        .context("report `uploading`")?;
     let manifest = build_archive(&attempt.folder).await?;
     upload_all(lab, attempt, &manifest, &give_up).await?;
     let sent = report_end(lab, attempt.run_id, attempt.epoch, conclusion, Some(&manifest), lease).await;
@@ -61,7 +63,9 @@ async fn try_deliver(lab: &Lab, attempt: &Attempt, conclusion: &Conclusion, leas
 /// Builds the archive of an attempt beside its journal.
 pub async fn build_archive(folder: &Path) -> Result<Manifest> {
     let folder = folder.to_owned();
-    spawn_blocking(move || archive::build(&folder, &folder.join("archive"))).await?.context("build the archive")
+    spawn_blocking(move || archive::build(&folder, &folder.join("archive")))
+        .await?
+        .context("build the archive")
 }
 
 /// Sends all files, the page's track among them, the manifest last.
@@ -72,9 +76,16 @@ pub async fn upload_all(lab: &Lab, attempt: &Attempt, manifest: &Manifest, give_
     let [track, last] = spawn_blocking(describe).await?;
     for file in manifest.files.iter().chain([&track?, &last?]) {
         let path = folder.join(&file.name);
-        let upload =
-            Upload { run_id: attempt.run_id, epoch: attempt.epoch, name: &file.name, path: &path, sha256: &file.sha256 };
-        retry(|| lab.service.upload(upload), &give_up).await.with_context(|| format!("send {}", file.name))?;
+        let upload = Upload {
+            run_id: attempt.run_id,
+            epoch: attempt.epoch,
+            name: &file.name,
+            path: &path,
+            sha256: &file.sha256,
+        };
+        retry(|| lab.service.upload(upload), &give_up)
+            .await
+            .with_context(|| format!("send {}", file.name))?;
     }
     Ok(())
 }
@@ -106,7 +117,12 @@ pub async fn report_end(
 }
 
 /// Reports a state, again and again while the service is away and `give_up` says no.
-pub async fn report(lab: &Lab, run_id: Uuid, report: &StateReport, give_up: impl Fn() -> bool) -> Result<(), ServiceError> {
+pub async fn report(
+    lab: &Lab,
+    run_id: Uuid,
+    report: &StateReport,
+    give_up: impl Fn() -> bool,
+) -> Result<(), ServiceError> {
     retry(|| lab.service.report(run_id, report), give_up).await
 }
 
@@ -119,8 +135,8 @@ pub fn mark_delivered(folder: &Path, how: &str) -> std::io::Result<()> {
 fn give_up<'a>(lab: &'a Lab, lease: &'a Lease) -> impl Fn() -> bool + 'a {
     let asked_to_end = std::sync::OnceLock::new();
     move || {
-        let grace_over = lab.shutdown.is_requested()
-            && asked_to_end.get_or_init(Instant::now).elapsed() > SHUTDOWN_GRACE;
+        let grace_over =
+            lab.shutdown.is_requested() && asked_to_end.get_or_init(Instant::now).elapsed() > SHUTDOWN_GRACE;
         lease.is_stale() || grace_over || monotonic_us() > lease.until_us() + LEASE_MARGIN_US
     }
 }

@@ -45,19 +45,32 @@ impl EpochBook {
             Err(error) if error.kind() == io::ErrorKind::NotFound => BTreeMap::new(),
             Err(error) => return Err(error),
         };
-        Ok(Self { path: path.to_owned(), places })
+        Ok(Self {
+            path: path.to_owned(),
+            places,
+        })
     }
 
     /// Opens a new epoch for these robots; they may be sent [`RESERVED_FRAMES`] frames from sequence 1 under it.
     pub fn begin(&mut self, robots: &[u8], epoch: i64) -> Result<u32, EpochError> {
-        let wire = u32::try_from(epoch).ok().filter(|epoch| *epoch > 0).ok_or(EpochError::Range(epoch))?;
+        let wire = u32::try_from(epoch)
+            .ok()
+            .filter(|epoch| *epoch > 0)
+            .ok_or(EpochError::Range(epoch))?;
         let mut places = self.places.clone();
         for robot in robots {
             let place = places.entry(*robot).or_default();
             if place.epoch >= wire {
-                return Err(EpochError::Old { robot: *robot, epoch, known: place.epoch });
+                return Err(EpochError::Old {
+                    robot: *robot,
+                    epoch,
+                    known: place.epoch,
+                });
             }
-            *place = Place { epoch: wire, sequence: 1 + RESERVED_FRAMES };
+            *place = Place {
+                epoch: wire,
+                sequence: 1 + RESERVED_FRAMES,
+            };
         }
         self.store(places)?;
         Ok(wire)
@@ -67,7 +80,10 @@ impl EpochBook {
     pub fn reserve(&mut self, robot: u8) -> io::Result<Place> {
         let mut places = self.places.clone();
         let place = places.entry(robot).or_default();
-        let first = Place { sequence: place.sequence.max(1), ..*place };
+        let first = Place {
+            sequence: place.sequence.max(1),
+            ..*place
+        };
         place.sequence = first.sequence.saturating_add(RESERVED_FRAMES);
         self.store(places)?;
         Ok(first)
@@ -91,11 +107,24 @@ mod tests {
         assert_eq!(book.reserve(1).expect("numbers"), Place { epoch: 0, sequence: 1 });
         assert_eq!(book.begin(&[1, 2], 7).expect("an epoch"), 7);
         let mut book = EpochBook::open(&path).expect("the book after a restart");
-        assert!(matches!(book.begin(&[2, 3], 7), Err(EpochError::Old { robot: 2, epoch: 7, known: 7 })));
+        assert!(matches!(
+            book.begin(&[2, 3], 7),
+            Err(EpochError::Old {
+                robot: 2,
+                epoch: 7,
+                known: 7
+            })
+        ));
         assert!(matches!(book.begin(&[3], -1), Err(EpochError::Range(-1))));
         assert!(matches!(book.begin(&[3], 1 << 32), Err(EpochError::Range(_))));
         let idle = book.reserve(1).expect("numbers");
-        assert_eq!(idle, Place { epoch: 7, sequence: 1 + RESERVED_FRAMES });
+        assert_eq!(
+            idle,
+            Place {
+                epoch: 7,
+                sequence: 1 + RESERVED_FRAMES
+            }
+        );
         let after = EpochBook::open(&path).expect("the book").reserve(1).expect("numbers");
         assert_eq!(after.sequence, idle.sequence + RESERVED_FRAMES);
         book.begin(&[1, 2, 3], 8).expect("the next epoch");

@@ -60,8 +60,18 @@ pub fn wrap_rad(angle_rad: f64) -> f64 {
 impl PoseTrack {
     /// An empty track.
     pub const fn new(limits: MotionLimits) -> Self {
-        let nowhere = PoseSample { exposure_us: i64::MIN, x_m: 0.0, y_m: 0.0, yaw_rad: 0.0 };
-        Self { limits, poses: [nowhere; FIT_POSES], count: 0, travel_since_change_m: 0.0 }
+        let nowhere = PoseSample {
+            exposure_us: i64::MIN,
+            x_m: 0.0,
+            y_m: 0.0,
+            yaw_rad: 0.0,
+        };
+        Self {
+            limits,
+            poses: [nowhere; FIT_POSES],
+            count: 0,
+            travel_since_change_m: 0.0,
+        }
     }
 
     /// The newest believed pose.
@@ -83,7 +93,10 @@ impl PoseTrack {
             if sample.exposure_us <= last.exposure_us {
                 return Belief::Old;
             }
-            let unchanged = PoseSample { exposure_us: sample.exposure_us, ..last } == sample;
+            let unchanged = PoseSample {
+                exposure_us: sample.exposure_us,
+                ..last
+            } == sample;
             if unchanged && self.travel_since_change_m > FROZEN_TRAVEL_M {
                 return Belief::Frozen;
             }
@@ -113,12 +126,20 @@ impl PoseTrack {
     /// Body twist by a straight-line fit over the newest poses: forward m/s, left m/s, yaw rate rad/s.
     pub fn twist(&self) -> [f64; 3] {
         let Some(newest) = self.newest() else { return [0.0; 3] };
-        let recent = self.poses.iter().take(self.count).filter(|pose| newest.exposure_us - pose.exposure_us <= FIT_SPAN_US);
+        let recent = self
+            .poses
+            .iter()
+            .take(self.count)
+            .filter(|pose| newest.exposure_us - pose.exposure_us <= FIT_SPAN_US);
         let (mut n, mut t_sum, mut tt_sum) = (0.0, 0.0, 0.0);
         let (mut sums, mut t_sums) = ([0.0; 3], [0.0; 3]);
         for pose in recent {
             let t = (pose.exposure_us - newest.exposure_us) as f64 * 1e-6;
-            let value = [pose.x_m - newest.x_m, pose.y_m - newest.y_m, wrap_rad(pose.yaw_rad - newest.yaw_rad)];
+            let value = [
+                pose.x_m - newest.x_m,
+                pose.y_m - newest.y_m,
+                wrap_rad(pose.yaw_rad - newest.yaw_rad),
+            ];
             n += 1.0;
             t_sum += t;
             tt_sum += t * t;
@@ -145,10 +166,18 @@ impl PoseTrack {
 mod tests {
     use super::*;
 
-    const LIMITS: MotionLimits = MotionLimits { speed_m_per_s: 1.5, yaw_rate_rad_per_s: 5.0 };
+    const LIMITS: MotionLimits = MotionLimits {
+        speed_m_per_s: 1.5,
+        yaw_rate_rad_per_s: 5.0,
+    };
 
     fn at(k: i64, x_m: f64, y_m: f64, yaw_rad: f64) -> PoseSample {
-        PoseSample { exposure_us: k * 8333, x_m, y_m, yaw_rad }
+        PoseSample {
+            exposure_us: k * 8333,
+            x_m,
+            y_m,
+            yaw_rad,
+        }
     }
 
     #[test]
@@ -163,7 +192,10 @@ mod tests {
         let newest = track.newest().expect("a pose");
         let [forward, left, rate] = track.twist();
         let (sin, cos) = newest.yaw_rad.sin_cos();
-        assert!((forward - 0.5 * sin).abs() < 1e-9 && (left - 0.5 * cos).abs() < 1e-9, "{forward} {left}");
+        assert!(
+            (forward - 0.5 * sin).abs() < 1e-9 && (left - 0.5 * cos).abs() < 1e-9,
+            "{forward} {left}"
+        );
         assert!((rate - 1.0).abs() < 1e-9);
     }
 

@@ -37,7 +37,10 @@ struct Reply {
 pub async fn place(socket: &Path, robots: &[Placement]) -> io::Result<()> {
     match tokio::time::timeout(TIME_LIMIT, ask(socket, robots)).await {
         Ok(result) => result,
-        Err(_) => Err(io::Error::new(io::ErrorKind::TimedOut, format!("no reply within {} s", TIME_LIMIT.as_secs()))),
+        Err(_) => Err(io::Error::new(
+            io::ErrorKind::TimedOut,
+            format!("no reply within {} s", TIME_LIMIT.as_secs()),
+        )),
     }
 }
 
@@ -47,7 +50,13 @@ async fn ask(socket: &Path, robots: &[Placement]) -> io::Result<()> {
     line.push(b'\n');
     stream.write_all(&line).await?;
     let mut reply = String::new();
-    BufReader::new(stream.take(REPLY_LIMIT_BYTES)).read_line(&mut reply).await?;
+    BufReader::new(stream.take(REPLY_LIMIT_BYTES))
+        .read_line(&mut reply)
+        .await?;
     let reply: Reply = serde_json::from_str(&reply)?;
-    if reply.ok { Ok(()) } else { Err(io::Error::other(reply.error.unwrap_or_else(|| "refused".to_owned()))) }
+    if reply.ok {
+        Ok(())
+    } else {
+        Err(io::Error::other(reply.error.unwrap_or_else(|| "refused".to_owned())))
+    }
 }

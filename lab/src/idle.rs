@@ -18,15 +18,21 @@ const STOP_PERIOD: Duration = Duration::from_millis(20);
 pub fn start(link: Arc<Link>, latch: Arc<StopLatch>, book: Arc<Mutex<EpochBook>>) -> io::Result<()> {
     let (wake, woken) = sync_channel(1);
     latch.wake_on_change(wake);
-    std::thread::Builder::new().name("idle-robots".to_owned()).spawn(move || {
-        loop {
-            let (still, period) = if latch.is_pressed() { (Still::Latch, STOP_PERIOD) } else { (Still::Rest, PERIOD) };
-            for robot in link.robots() {
-                robot.send_idle(still, &book);
+    std::thread::Builder::new()
+        .name("idle-robots".to_owned())
+        .spawn(move || {
+            loop {
+                let (still, period) = if latch.is_pressed() {
+                    (Still::Latch, STOP_PERIOD)
+                } else {
+                    (Still::Rest, PERIOD)
+                };
+                for robot in link.robots() {
+                    robot.send_idle(still, &book);
+                }
+                // Time over or woken: the next round is due either way.
+                let _woken = woken.recv_timeout(period);
             }
-            // Time over or woken: the next round is due either way.
-            let _woken = woken.recv_timeout(period);
-        }
-    })?;
+        })?;
     Ok(())
 }

@@ -25,11 +25,17 @@ pub struct JournalWriter {
 impl JournalWriter {
     /// Starts a new journal in `folder`, which exists; fails when there is one already.
     pub fn create(folder: &Path) -> io::Result<Self> {
-        let mut file = OpenOptions::new().append(true).create_new(true).open(folder.join(FILE_NAME))?;
+        let mut file = OpenOptions::new()
+            .append(true)
+            .create_new(true)
+            .open(folder.join(FILE_NAME))?;
         file.write_all(MAGIC)?;
         file.sync_all()?;
         File::open(folder)?.sync_all()?;
-        Ok(Self { file, chunk: Vec::with_capacity(256 << 10) })
+        Ok(Self {
+            file,
+            chunk: Vec::with_capacity(256 << 10),
+        })
     }
 
     /// Adds a record to the chunk in memory.
@@ -74,7 +80,13 @@ impl JournalReader {
         let mut file = BufReader::new(File::open(folder.join(FILE_NAME))?);
         let mut magic = [0; 8];
         let torn = file.read_exact(&mut magic).is_err() || &magic != MAGIC;
-        Ok(Self { file, lines: Vec::new().into_iter(), torn, unreadable: 0, ended: torn })
+        Ok(Self {
+            file,
+            lines: Vec::new().into_iter(),
+            torn,
+            unreadable: 0,
+            ended: torn,
+        })
     }
 
     /// The end of the file was not a whole chunk; known once the iterator is exhausted.
@@ -98,7 +110,12 @@ impl JournalReader {
         let mut chunk = Vec::new();
         let whole = got == head.len()
             && length <= CHUNK_LIMIT_BYTES
-            && self.file.by_ref().take(length as u64).read_to_end(&mut chunk).is_ok_and(|read| read == length)
+            && self
+                .file
+                .by_ref()
+                .take(length as u64)
+                .read_to_end(&mut chunk)
+                .is_ok_and(|read| read == length)
             && crc32(&chunk) == u32::from_le_bytes([c0, c1, c2, c3]);
         self.torn = !whole;
         whole.then_some(chunk)

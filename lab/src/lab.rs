@@ -62,7 +62,10 @@ pub struct Shutdown {
 
 impl Default for Shutdown {
     fn default() -> Self {
-        Self { requested: Arc::default(), changed: watch::Sender::new(false) }
+        Self {
+            requested: Arc::default(),
+            changed: watch::Sender::new(false),
+        }
     }
 }
 
@@ -100,8 +103,13 @@ impl Lab {
             .with_context(|| format!("read the token {}", config.token_file.display()))?;
         let mut book = EpochBook::open(&folder.join("epochs.json")).context("read the epochs of the robots")?;
         let host = (config.robot_host.as_str(), config.robot_udp_base);
-        let base = host.to_socket_addrs().context("resolve the robot host")?.next().context("the robot host has no address")?;
-        let link = Link::start(&description.robots, &read_keys(&config.keys)?, base, &mut book).context("start the robot link")?;
+        let base = host
+            .to_socket_addrs()
+            .context("resolve the robot host")?
+            .next()
+            .context("the robot host has no address")?;
+        let link = Link::start(&description.robots, &read_keys(&config.keys)?, base, &mut book)
+            .context("start the robot link")?;
         Ok(Arc::new(Self {
             service: Service::new(&config.server, &token)?,
             instance: Uuid::now_v7(),
@@ -182,7 +190,8 @@ fn read_json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
 fn read_keys(path: &Path) -> Result<BTreeMap<u8, Key>> {
     let texts: BTreeMap<u8, String> = read_json(path)?;
     let key = |(number, text): (u8, String)| {
-        let key = Key::from_hex(&text).with_context(|| format!("the key of robot {number} is not 32 hexadecimal digits"))?;
+        let key =
+            Key::from_hex(&text).with_context(|| format!("the key of robot {number} is not 32 hexadecimal digits"))?;
         Ok((number, key))
     };
     texts.into_iter().map(key).collect()

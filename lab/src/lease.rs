@@ -62,7 +62,8 @@ impl Lease {
     pub fn take(&self, sent_us: i64, outcome: Result<api::lab::HeartbeatReply, ServiceError>) {
         match outcome {
             Ok(reply) => {
-                self.until_us.fetch_max(usable_until_us(sent_us, reply.lease_s), Ordering::AcqRel);
+                self.until_us
+                    .fetch_max(usable_until_us(sent_us, reply.lease_s), Ordering::AcqRel);
                 self.confirmed.store(true, Ordering::Release);
                 if reply.cancel_requested {
                     self.cancel.store(true, Ordering::Release);
@@ -112,9 +113,21 @@ mod tests {
         let lease = Lease::claimed(15.0);
         let start_us = monotonic_us();
         assert!(!lease.is_confirmed());
-        lease.take(start_us + 5_000_000, Ok(HeartbeatReply { lease_s: 15.0, cancel_requested: false }));
+        lease.take(
+            start_us + 5_000_000,
+            Ok(HeartbeatReply {
+                lease_s: 15.0,
+                cancel_requested: false,
+            }),
+        );
         assert_eq!(lease.until_us(), start_us + 19_000_000);
-        lease.take(start_us + 4_000_000, Ok(HeartbeatReply { lease_s: 15.0, cancel_requested: true }));
+        lease.take(
+            start_us + 4_000_000,
+            Ok(HeartbeatReply {
+                lease_s: 15.0,
+                cancel_requested: true,
+            }),
+        );
         assert_eq!(lease.until_us(), start_us + 19_000_000);
         assert!(lease.is_confirmed() && lease.is_cancelled() && !lease.is_stale());
     }

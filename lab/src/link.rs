@@ -89,13 +89,20 @@ impl Link {
         base: SocketAddr,
         book: &mut EpochBook,
     ) -> io::Result<Arc<Self>> {
-        let any = if base.is_ipv4() { IpAddr::from([0, 0, 0, 0]) } else { IpAddr::from([0_u16; 8]) };
+        let any = if base.is_ipv4() {
+            IpAddr::from([0, 0, 0, 0])
+        } else {
+            IpAddr::from([0_u16; 8])
+        };
         let socket = Arc::new(UdpSocket::bind(SocketAddr::new(any, 0))?);
         let mut links = BTreeMap::new();
         for lab_robot in robots {
             let number = lab_robot.number;
             let missing = || io::Error::other(format!("no link key for robot {number}"));
-            let port = base.port().checked_add(u16::from(number)).ok_or_else(|| io::Error::other("robot port beyond 65535"))?;
+            let port = base
+                .port()
+                .checked_add(u16::from(number))
+                .ok_or_else(|| io::Error::other("robot port beyond 65535"))?;
             let link = Arc::new(RobotLink {
                 number,
                 name: lab_robot.description.name.clone(),
@@ -116,9 +123,14 @@ impl Link {
             });
             links.insert(number, link);
         }
-        let link = Arc::new(Self { robots: links, feed: Feed::default() });
+        let link = Arc::new(Self {
+            robots: links,
+            feed: Feed::default(),
+        });
         let receiver = link.clone();
-        std::thread::Builder::new().name("link-receive".to_owned()).spawn(move || receiver.receive(&socket))?;
+        std::thread::Builder::new()
+            .name("link-receive".to_owned())
+            .spawn(move || receiver.receive(&socket))?;
         Ok(link)
     }
 
@@ -151,9 +163,14 @@ impl Link {
             };
             let arrival_us = monotonic_us();
             let bytes = buffer.get(..length).unwrap_or_default();
-            let Some(robot) = addressed(bytes).and_then(|number| self.robots.get(&number)) else { continue };
+            let Some(robot) = addressed(bytes).and_then(|number| self.robots.get(&number)) else {
+                continue;
+            };
             let (header, telemetry) = match frame::decode(bytes, &robot.key) {
-                Ok(frame::Frame { header, payload: Payload::Telemetry(telemetry) }) => (header, telemetry),
+                Ok(frame::Frame {
+                    header,
+                    payload: Payload::Telemetry(telemetry),
+                }) => (header, telemetry),
                 Ok(_) => continue,
                 Err(error) => {
                     tracing::debug!(robot.id = %robot.name, %error, "frame refused");
@@ -196,8 +213,17 @@ pub const STATUS_LATCHED: u8 = 1 << 2;
 pub const STATUS_CLOCK_KNOWN: u8 = 1 << 3;
 
 fn status_bits(status: Status) -> u8 {
-    let bits = [status.running, status.ramping, status.latched, status.clock_known, status.stopped, status.saturated];
-    bits.iter().enumerate().fold(0, |byte, (place, set)| byte | u8::from(*set) << place)
+    let bits = [
+        status.running,
+        status.ramping,
+        status.latched,
+        status.clock_known,
+        status.stopped,
+        status.saturated,
+    ];
+    bits.iter()
+        .enumerate()
+        .fold(0, |byte, (place, set)| byte | u8::from(*set) << place)
 }
 
 /// Robot number of a frame that is not checked yet.
@@ -217,7 +243,8 @@ impl RobotLink {
 
     /// Heard within the last half second.
     pub fn is_online(&self) -> bool {
-        self.newest().is_some_and(|telemetry| monotonic_us() - telemetry.arrival_us < ONLINE_US)
+        self.newest()
+            .is_some_and(|telemetry| monotonic_us() - telemetry.arrival_us < ONLINE_US)
     }
 
     /// Takes the right to send; `None` while someone else has it.
@@ -269,11 +296,14 @@ impl DerefMut for HeldPort {
     }
 }
 
-
 impl Drop for HeldPort {
     fn drop(&mut self) {
         let port = &self.0;
-        port.robot.put_port(RobotPort { robot: port.robot.clone(), socket: port.socket.clone(), ..*port });
+        port.robot.put_port(RobotPort {
+            robot: port.robot.clone(),
+            socket: port.socket.clone(),
+            ..*port
+        });
     }
 }
 
@@ -297,7 +327,16 @@ impl RobotPort {
         for (place, wheel) in wheel_rad_per_s.iter_mut().zip(&self.robot.driven) {
             *place = wheels.wheel_rad_per_s.get(*wheel).copied().unwrap_or(0.0);
         }
-        self.send(frame::Command { enable: true, stop: false, clear: false, wheel_rad_per_s, steering_rad: wheels.steering_rad }, tick)
+        self.send(
+            frame::Command {
+                enable: true,
+                stop: false,
+                clear: false,
+                wheel_rad_per_s,
+                steering_rad: wheels.steering_rad,
+            },
+            tick,
+        )
     }
 
     /// Sends a frame without motion.
@@ -325,9 +364,14 @@ impl RobotPort {
         let mut buffer = [0; COMMAND_MAX_CHARACTERS];
         let length = frame::encode_command(&header, &command, &self.robot.key, &mut buffer);
         // A frame that cannot be sent is a lost frame: the robot's watchdog and the silence limits deal with those.
-        let _lost = self.socket.send_to(buffer.get(..length).unwrap_or_default(), self.address);
+        let _lost = self
+            .socket
+            .send_to(buffer.get(..length).unwrap_or_default(), self.address);
         let sent = match frame::decode(buffer.get(..length).unwrap_or_default(), &self.robot.key) {
-            Ok(frame::Frame { payload: Payload::Command(sent), .. }) => sent,
+            Ok(frame::Frame {
+                payload: Payload::Command(sent),
+                ..
+            }) => sent,
             _ => command,
         };
         Sent {

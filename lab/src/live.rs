@@ -40,7 +40,11 @@ impl LivePicture {
             run_id,
             epoch,
             robots: robots.iter().map(|(_, name)| unseen(name)).collect(),
-            places: robots.iter().enumerate().map(|(place, (number, _))| (*number, place)).collect(),
+            places: robots
+                .iter()
+                .enumerate()
+                .map(|(place, (number, _))| (*number, place))
+                .collect(),
             safety: BTreeMap::new(),
             next_frame_tick: 0,
         }

@@ -72,19 +72,34 @@ pub fn run(setup: Setup) -> LoopResult {
     let start_ns = monotonic_ns() + LEAD_NS;
     let mut schedule = TickSchedule::new(start_ns);
     let mut control_loop = ControlLoop::new(setup, start_ns / 1000);
-    control_loop.setup.recorder.push(Record::Motion(Motion { start_us: start_ns / 1000, realtime }));
+    control_loop.setup.recorder.push(Record::Motion(Motion {
+        start_us: start_ns / 1000,
+        realtime,
+    }));
     let mut ticks = 0;
     loop {
         let due_ns = schedule.due_ns();
         wait_until_ns(due_ns);
-        let Wake::Run { slot, late_ns } = schedule.wake(monotonic_ns()) else { continue };
+        let Wake::Run { slot, late_ns } = schedule.wake(monotonic_ns()) else {
+            continue;
+        };
         ticks += 1;
         let woke_us = monotonic_us();
         let ended = control_loop.tick(slot);
-        let tick = Tick { tick: slot, due_us: woke_us - late_ns / 1000, woke_us, done_us: monotonic_us(), missed: schedule.missed() };
+        let tick = Tick {
+            tick: slot,
+            due_us: woke_us - late_ns / 1000,
+            woke_us,
+            done_us: monotonic_us(),
+            missed: schedule.missed(),
+        };
         control_loop.setup.recorder.push(Record::Tick(tick));
         if let Some(ending) = ended {
-            return LoopResult { ending, ticks, missed: schedule.missed() };
+            return LoopResult {
+                ending,
+                ticks,
+                missed: schedule.missed(),
+            };
         }
     }
 }
@@ -141,7 +156,11 @@ impl ControlLoop {
                 None
             }
             Permission::Ended(ending) => {
-                let still = if ending == Ending::ProtectiveStop { Still::Latch } else { Still::Rest };
+                let still = if ending == Ending::ProtectiveStop {
+                    Still::Latch
+                } else {
+                    Still::Rest
+                };
                 self.rest(slot, now_us, still);
                 let stopped_ticks = slot - *self.stopping_since.get_or_insert(slot);
                 let resting = stopped_ticks >= STOP_TICKS_LEAST && self.at_rest();
@@ -155,7 +174,9 @@ impl ControlLoop {
             self.newest_exposure_us = self.newest_exposure_us.max(frame.exposure_us);
             for pose in &frame.poses {
                 let of_run = |robot: &&mut LoopRobot| robot.port.robot().number == pose.number;
-                let Some(robot) = self.setup.robots.iter_mut().find(of_run) else { continue };
+                let Some(robot) = self.setup.robots.iter_mut().find(of_run) else {
+                    continue;
+                };
                 let sample = PoseSample {
                     exposure_us: frame.exposure_us,
                     x_m: pose.x_m,
@@ -182,7 +203,9 @@ impl ControlLoop {
     fn take_telemetry(&mut self) {
         while let Ok(telemetry) = self.setup.telemetry.try_recv() {
             let of_run = |robot: &&mut LoopRobot| robot.port.robot().number == telemetry.robot;
-            let Some(robot) = self.setup.robots.iter_mut().find(of_run) else { continue };
+            let Some(robot) = self.setup.robots.iter_mut().find(of_run) else {
+                continue;
+            };
             robot.note_travel(&telemetry);
             robot.note_turn(&telemetry);
             robot.telemetry = telemetry;
@@ -196,14 +219,27 @@ impl ControlLoop {
         self.observations.clear();
         for robot in &self.setup.robots {
             let health = robot.health(now_us);
-            let pose = robot.track.newest().map_or(TwinPose { x_m: f64::NAN, y_m: f64::NAN, yaw_rad: f64::NAN }, |pose| {
-                TwinPose { x_m: pose.x_m, y_m: pose.y_m, yaw_rad: pose.yaw_rad }
-            });
+            let pose = robot.track.newest().map_or(
+                TwinPose {
+                    x_m: f64::NAN,
+                    y_m: f64::NAN,
+                    yaw_rad: f64::NAN,
+                },
+                |pose| TwinPose {
+                    x_m: pose.x_m,
+                    y_m: pose.y_m,
+                    yaw_rad: pose.yaw_rad,
+                },
+            );
             let [forward_m_per_s, left_m_per_s, yaw_rate_rad_per_s] = robot.track.twist();
             self.observations.push(RobotObservation {
                 pose,
                 pose_age_s: health.pose_age_us as f64 * 1e-6,
-                twist: BodyTwist { forward_m_per_s, left_m_per_s, yaw_rate_rad_per_s },
+                twist: BodyTwist {
+                    forward_m_per_s,
+                    left_m_per_s,
+                    yaw_rate_rad_per_s,
+                },
                 online: health.telemetry_age_us < crate::link::ONLINE_US,
             });
             self.health.push(health);
@@ -211,13 +247,26 @@ impl ControlLoop {
     }
 
     fn drive(&mut self, slot: i64, now_us: i64) {
-        let Self { setup, observations, health, .. } = self;
-        let Setup { team, robots, recorder, .. } = setup;
+        let Self {
+            setup,
+            observations,
+            health,
+            ..
+        } = self;
+        let Setup {
+            team, robots, recorder, ..
+        } = setup;
         let outputs = team.tick(observations);
         for ((robot, output), health) in robots.iter_mut().zip(outputs).zip(health.iter()) {
             let sent = robot.port.drive(&output.safe, link_tick(slot));
             let number = robot.port.robot().number;
-            recorder.push(Record::Command(command_record(number, slot, &sent, Some(output), health)));
+            recorder.push(Record::Command(command_record(
+                number,
+                slot,
+                &sent,
+                Some(output),
+                health,
+            )));
         }
         // After the frames: nothing here is as urgent as they are.
         for (robot, output) in robots.iter().zip(outputs) {
@@ -242,7 +291,9 @@ impl ControlLoop {
             let sent = robot.port.still(still, link_tick(slot));
             let health = robot.health(now_us);
             let number = robot.port.robot().number;
-            self.setup.recorder.push(Record::Command(command_record(number, slot, &sent, None, &health)));
+            self.setup
+                .recorder
+                .push(Record::Command(command_record(number, slot, &sent, None, &health)));
         }
         // The team must not believe that its last command is still being followed.
         self.setup.team.stop();
@@ -251,7 +302,11 @@ impl ControlLoop {
     fn note_hold(&mut self, holding: bool) {
         if self.holding != holding {
             self.holding = holding;
-            let message = if holding { "tracker silent: robots hold still" } else { "tracker is back: robots move on" };
+            let message = if holding {
+                "tracker silent: robots hold still"
+            } else {
+                "tracker is back: robots move on"
+            };
             self.setup.recorder.log(LogLevel::Warning, message);
         }
     }
@@ -276,7 +331,10 @@ impl LoopRobot {
         if !(0.0..TRAVEL_GAP_S).contains(&elapsed_s) {
             return;
         }
-        let fastest = telemetry.wheel_rad_per_s.iter().fold(0.0, |fastest: f64, speed| fastest.max(speed.abs()));
+        let fastest = telemetry
+            .wheel_rad_per_s
+            .iter()
+            .fold(0.0, |fastest: f64, speed| fastest.max(speed.abs()));
         self.track.wheels_travelled(fastest * self.wheel_radius_m * elapsed_s);
     }
 
@@ -295,7 +353,10 @@ impl LoopRobot {
             Belief::Accepted | Belief::Old => return,
         };
         if !std::mem::replace(logged, true) {
-            recorder.log(LogLevel::Warning, format!("tracker, {}: {what}; not used", self.port.robot().name));
+            recorder.log(
+                LogLevel::Warning,
+                format!("tracker, {}: {what}; not used", self.port.robot().name),
+            );
         }
     }
 }

@@ -19,7 +19,10 @@ fn main() -> Result<()> {
     }
     let config = Config::parse();
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
+    tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .init();
     let lab = Lab::open(&config)?;
     let address = stop_port::start(config.stop_listen, &config.data, lab.latch.clone(), lab.clone())
         .with_context(|| format!("open the stop port {}", config.stop_listen))?;

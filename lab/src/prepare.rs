@@ -46,16 +46,22 @@ impl Keeper {
     pub fn start(lab: Arc<Lab>, mut ports: Vec<HeldPort>) -> io::Result<Self> {
         let over = Arc::new(AtomicBool::new(false));
         let seen = over.clone();
-        let thread = std::thread::Builder::new().name("keep-still".to_owned()).spawn(move || {
-            while !seen.load(Ordering::Acquire) {
-                let still = if lab.latch.is_pressed() { Still::Latch } else { Still::Release };
-                for port in &mut ports {
-                    port.still(still, 0);
+        let thread = std::thread::Builder::new()
+            .name("keep-still".to_owned())
+            .spawn(move || {
+                while !seen.load(Ordering::Acquire) {
+                    let still = if lab.latch.is_pressed() {
+                        Still::Latch
+                    } else {
+                        Still::Release
+                    };
+                    for port in &mut ports {
+                        port.still(still, 0);
+                    }
+                    std::thread::sleep(FRAME_PERIOD);
                 }
-                std::thread::sleep(FRAME_PERIOD);
-            }
-            ports
-        })?;
+                ports
+            })?;
         Ok(Self { over, thread })
     }
 
@@ -68,7 +74,12 @@ impl Keeper {
 }
 
 /// Places robots and waits until they are ready.
-pub async fn prepare(lab: &Lab, assignment: &Assignment, lease: &Lease, recorder: &RecorderHandle) -> Result<(), Conclusion> {
+pub async fn prepare(
+    lab: &Lab,
+    assignment: &Assignment,
+    lease: &Lease,
+    recorder: &RecorderHandle,
+) -> Result<(), Conclusion> {
     let deadline = Instant::now() + TIME_LIMIT;
     place(lab, assignment, lease, recorder, deadline).await?;
     let mut settled_since: Option<Instant> = None;
@@ -140,7 +151,11 @@ fn unready(lab: &Lab, number: u8, name: &str, start: &Pose) -> Option<Conclusion
         return Some(Conclusion::failed(Whose::Robot, "robot_not_ready", message));
     }
     if lab.tracker.age_us().is_none_or(|age_us| age_us > FRESH_US) {
-        return Some(Conclusion::failed(Whose::Platform, "tracker_silent", "The tracker sends nothing.".to_owned()));
+        return Some(Conclusion::failed(
+            Whose::Platform,
+            "tracker_silent",
+            "The tracker sends nothing.".to_owned(),
+        ));
     }
     let Some((pose, _)) = lab.tracker.pose(number).filter(|(_, age_us)| *age_us < FRESH_US) else {
         let message = format!("The tracker does not see robot {name}.");
@@ -157,5 +172,9 @@ fn unready(lab: &Lab, number: u8, name: &str, start: &Pose) -> Option<Conclusion
 }
 
 fn unconfirmed() -> Conclusion {
-    Conclusion::failed(Whose::Platform, "lease_lost", "No heartbeat of the run got through.".to_owned())
+    Conclusion::failed(
+        Whose::Platform,
+        "lease_lost",
+        "No heartbeat of the run got through.".to_owned(),
+    )
 }

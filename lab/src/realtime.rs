@@ -16,7 +16,9 @@ pub struct Realtime {
 
 /// Asks for `SCHED_FIFO`, small timer slack and locked memory for the calling thread.
 pub fn request() -> Realtime {
-    let parameter = libc::sched_param { sched_priority: FIFO_PRIORITY };
+    let parameter = libc::sched_param {
+        sched_priority: FIFO_PRIORITY,
+    };
     #[allow(unsafe_code)]
     // SAFETY: pid 0 is the calling thread; the parameter outlives the call; mlockall without MCL_FUTURE
     // cannot make later allocations fail.

@@ -1,10 +1,10 @@
 //! Takes records from the control loop without ever making it wait, writes the journal, and shows every sixth tick
 //! to whoever watches live.
 
+use crate::clock;
 use crate::journal::JournalWriter;
 use crate::live::LivePicture;
 use crate::record::{End, Log, LogLevel, Record};
-use crate::clock;
 use api::live::LiveFrame;
 use std::io;
 use std::path::Path;
@@ -48,7 +48,8 @@ pub struct Recorder {
 impl RecorderHandle {
     /// Queues a record; a full queue drops and counts it.
     pub fn push(&self, record: Record) {
-        if let Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) = self.queue.try_send(Message::Record(record)) {
+        if let Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) = self.queue.try_send(Message::Record(record))
+        {
             self.dropped.fetch_add(1, Ordering::Relaxed);
         }
     }
@@ -61,7 +62,11 @@ impl RecorderHandle {
             LogLevel::Warning => tracing::warn!("{message}"),
             LogLevel::Error => tracing::error!("{message}"),
         }
-        self.push(Record::Log(Log { at_us: clock::monotonic_us(), level, message }));
+        self.push(Record::Log(Log {
+            at_us: clock::monotonic_us(),
+            level,
+            message,
+        }));
     }
 
     /// The journal cannot be written, or records were lost.
@@ -71,19 +76,37 @@ impl RecorderHandle {
 
     /// A handle whose records are counted as dropped; for tests of code that records on the side.
     pub fn nowhere() -> Self {
-        Self { queue: sync_channel(0).0, dropped: Arc::default(), failed: Arc::default() }
+        Self {
+            queue: sync_channel(0).0,
+            dropped: Arc::default(),
+            failed: Arc::default(),
+        }
     }
 }
 
 impl Recorder {
     /// Starts a journal in `folder` with `first` as its first record; that record is on disk on return.
-    pub fn start(folder: &Path, first: Record, live: LivePicture, watchers: broadcast::Sender<LiveFrame>) -> io::Result<Self> {
+    pub fn start(
+        folder: &Path,
+        first: Record,
+        live: LivePicture,
+        watchers: broadcast::Sender<LiveFrame>,
+    ) -> io::Result<Self> {
         let mut journal = JournalWriter::create(folder)?;
         journal.push(&first)?;
         journal.flush()?;
         let (queue, records) = sync_channel(QUEUE_RECORDS);
-        let handle = RecorderHandle { queue, dropped: Arc::default(), failed: Arc::default() };
-        let writer = Writer { journal, live, watchers, dropped: handle.dropped.clone() };
+        let handle = RecorderHandle {
+            queue,
+            dropped: Arc::default(),
+            failed: Arc::default(),
+        };
+        let writer = Writer {
+            journal,
+            live,
+            watchers,
+            dropped: handle.dropped.clone(),
+        };
         let failed = handle.failed.clone();
         let thread = std::thread::Builder::new().name("recorder".to_owned()).spawn(move || {
             let result = writer.run(&records);
@@ -102,7 +125,9 @@ impl Recorder {
     pub fn finish(self, end: End) -> io::Result<()> {
         // When the thread is gone already its error comes out of the join.
         let _gone = self.handle.queue.send(Message::Finish(Box::new(end)));
-        self.thread.join().unwrap_or_else(|_| Err(io::Error::other("the recorder thread panicked")))
+        self.thread
+            .join()
+            .unwrap_or_else(|_| Err(io::Error::other("the recorder thread panicked")))
     }
 }
 
@@ -124,7 +149,9 @@ impl Writer {
                         if self.take(message)? {
                             return Ok(());
                         }
-                        next = (self.journal.pending_bytes() < CHUNK_BYTES).then(|| records.try_recv().ok()).flatten();
+                        next = (self.journal.pending_bytes() < CHUNK_BYTES)
+                            .then(|| records.try_recv().ok())
+                            .flatten();
                     }
                 }
                 Err(RecvTimeoutError::Timeout) => {}

@@ -33,7 +33,14 @@ pub struct Conclusion {
 impl Conclusion {
     /// An end that the laboratory reports as `failed`.
     pub fn failed(whose: Whose, code: &str, message: String) -> Self {
-        Self { state: RunState::Failed, fault: Some(Fault { whose, code: code.to_owned(), message }) }
+        Self {
+            state: RunState::Failed,
+            fault: Some(Fault {
+                whose,
+                code: code.to_owned(),
+                message,
+            }),
+        }
     }
 
     /// The end that the safety rules decided on.
@@ -70,20 +77,34 @@ pub fn folder_of(lab: &Lab, assignment: &Assignment) -> PathBuf {
 pub async fn run(lab: &Arc<Lab>, assignment: Assignment) {
     let (run_id, epoch) = (assignment.run_id, assignment.epoch);
     tracing::info!(run.id = %run_id, epoch, "run begins");
-    lab.set_activity(Some(Activity { run_id, phase: "preparing" }));
+    lab.set_activity(Some(Activity {
+        run_id,
+        phase: "preparing",
+    }));
     let lease = Arc::new(Lease::claimed(assignment.lease_s));
-    let beat = Heartbeat { epoch, instance: lab.instance };
+    let beat = Heartbeat {
+        epoch,
+        instance: lab.instance,
+    };
     let _heart = Heart::start(lab.service.clone(), run_id, beat, lease.clone());
     let folder = folder_of(lab, &assignment);
     match start_recorder(lab, &assignment, &folder) {
         Ok(recorder) => {
             let conclusion = attempt(lab, &assignment, &lease, &recorder.handle()).await;
             tracing::info!(run.id = %run_id, state = conclusion.state.as_str(), fault = ?conclusion.fault, "run ended");
-            let end = End { at_us: monotonic_us(), state: conclusion.state, fault: conclusion.fault.clone(), records_dropped: 0 };
+            let end = End {
+                at_us: monotonic_us(),
+                state: conclusion.state,
+                fault: conclusion.fault.clone(),
+                records_dropped: 0,
+            };
             if let Ok(Err(error)) = spawn_blocking(move || recorder.finish(end)).await {
                 tracing::error!(run.id = %run_id, %error, "the record is incomplete");
             }
-            lab.set_activity(Some(Activity { run_id, phase: "uploading" }));
+            lab.set_activity(Some(Activity {
+                run_id,
+                phase: "uploading",
+            }));
             deliver::deliver(lab, &deliver::Attempt { run_id, epoch, folder }, &conclusion, &lease).await;
         }
         Err(error) => {
@@ -98,8 +119,16 @@ pub async fn run(lab: &Arc<Lab>, assignment: Assignment) {
 fn start_recorder(lab: &Lab, assignment: &Assignment, folder: &Path) -> std::io::Result<Recorder> {
     std::fs::create_dir(folder)?;
     crate::durable::sync_parent(folder)?;
-    let robots: Vec<_> = assignment.robots.iter().map(|robot| (robot.number, robot.description.name.clone())).collect();
-    let start = Start { assignment: assignment.clone(), wall: Utc::now(), at_us: monotonic_us() };
+    let robots: Vec<_> = assignment
+        .robots
+        .iter()
+        .map(|robot| (robot.number, robot.description.name.clone()))
+        .collect();
+    let start = Start {
+        assignment: assignment.clone(),
+        wall: Utc::now(),
+        at_us: monotonic_us(),
+    };
     let live = LivePicture::new(assignment.run_id, assignment.epoch, &robots);
     Recorder::start(folder, Record::Start(Box::new(start)), live, lab.watchers.clone())
 }
@@ -120,7 +149,11 @@ async fn try_attempt(
     let (team, limits) = team(assignment)?;
     let ports = take_ports(lab, assignment)?;
     let keeper = Keeper::start(lab.clone(), ports).map_err(|error| {
-        Conclusion::failed(Whose::Platform, "thread_refused", format!("A thread cannot be started: {error}."))
+        Conclusion::failed(
+            Whose::Platform,
+            "thread_refused",
+            format!("A thread cannot be started: {error}."),
+        )
     })?;
     let prepared = prepare::prepare(lab, assignment, lease, recorder).await;
     let running = match prepared {
@@ -132,7 +165,10 @@ async fn try_attempt(
     let telemetry = lab.link.listen();
     let ports = keeper.stop();
     running?;
-    lab.set_activity(Some(Activity { run_id: assignment.run_id, phase: "running" }));
+    lab.set_activity(Some(Activity {
+        run_id: assignment.run_id,
+        phase: "running",
+    }));
     let setup = Setup {
         team,
         robots: loop_robots(lab, ports, &limits)?,
@@ -142,16 +178,27 @@ async fn try_attempt(
         signals: signals(lab, lease, recorder),
         duration_ticks: (assignment.experiment.duration_s * TICK_HZ as f64).round() as i64,
     };
-    recorder.log(LogLevel::Info, format!("motion begins: {}", assignment.experiment.control.law));
+    recorder.log(
+        LogLevel::Info,
+        format!("motion begins: {}", assignment.experiment.control.law),
+    );
     let probe = SleepProbe::start(recorder.clone());
     if let Err(error) = &probe {
         recorder.log(LogLevel::Warning, format!("the sleep probe does not run: {error}"));
     }
-    let names: Vec<_> = assignment.experiment.robots.iter().map(|robot| robot.name.clone()).collect();
+    let names: Vec<_> = assignment
+        .experiment
+        .robots
+        .iter()
+        .map(|robot| robot.name.clone())
+        .collect();
     let result = run_loop(setup).await?;
     drop(probe);
     let LoopResult { ending, ticks, missed } = result;
-    recorder.log(LogLevel::Info, format!("robots at rest after {ticks} ticks, {missed} missed"));
+    recorder.log(
+        LogLevel::Info,
+        format!("robots at rest after {ticks} ticks, {missed} missed"),
+    );
     Ok(Conclusion::of(ending, &names))
 }
 
@@ -164,8 +211,14 @@ fn team(assignment: &Assignment) -> Result<(Team, Vec<RobotLimits>), Conclusion>
         "arena": assignment.arena,
     });
     let first = |problems: Vec<control::scenario::FieldProblem>| {
-        let problem = problems.into_iter().next().map(|problem| format!("{}: {}", problem.field, problem.message));
-        refused(format!("The laboratory cannot run this experiment: {}.", problem.unwrap_or_default()))
+        let problem = problems
+            .into_iter()
+            .next()
+            .map(|problem| format!("{}: {}", problem.field, problem.message));
+        refused(format!(
+            "The laboratory cannot run this experiment: {}.",
+            problem.unwrap_or_default()
+        ))
     };
     let scenario = Scenario::from_json(&scenario.to_string()).map_err(first)?;
     let robots = control::team::robots(&scenario).map_err(first)?;
@@ -186,13 +239,27 @@ const UNLIMITED_M_PER_S: f64 = 3.0;
 impl RobotLimits {
     fn of(robot: &twin::robot::Robot) -> Self {
         let wheels = &robot.description().wheels;
-        let wheel_radius_m = wheels.iter().filter(|wheel| wheel.driven).filter_map(|wheel| wheel.radius_m).fold(0.0, f64::max);
+        let wheel_radius_m = wheels
+            .iter()
+            .filter(|wheel| wheel.driven)
+            .filter_map(|wheel| wheel.radius_m)
+            .fold(0.0, f64::max);
         // Two omni wheels at right angles move the body by sqrt 2 of their rim speed.
         let rim_m_per_s = robot.max_wheel_speed_rad_per_s() * wheel_radius_m * std::f64::consts::SQRT_2;
         let speed_m_per_s = rim_m_per_s.min(UNLIMITED_M_PER_S);
-        let lever_m = wheels.iter().map(|wheel| f64::hypot(wheel.x_m, wheel.y_m)).fold(f64::INFINITY, f64::min).max(0.05);
+        let lever_m = wheels
+            .iter()
+            .map(|wheel| f64::hypot(wheel.x_m, wheel.y_m))
+            .fold(f64::INFINITY, f64::min)
+            .max(0.05);
         let yaw_rate_rad_per_s = speed_m_per_s / lever_m;
-        Self { motion: MotionLimits { speed_m_per_s, yaw_rate_rad_per_s }, wheel_radius_m }
+        Self {
+            motion: MotionLimits {
+                speed_m_per_s,
+                yaw_rate_rad_per_s,
+            },
+            wheel_radius_m,
+        }
     }
 }
 
@@ -205,10 +272,15 @@ fn take_ports(lab: &Lab, assignment: &Assignment) -> Result<Vec<HeldPort>, Concl
         let name = &robot.description.name;
         let link = lab.link.robot(robot.number).filter(|link| link.name == *name);
         let link = link.ok_or_else(|| failed("robot_unknown", format!("This laboratory has no robot {name}.")))?;
-        ports.push(link.take_port().ok_or_else(|| failed("robot_busy", format!("Robot {name} is in another run.")))?);
+        ports.push(
+            link.take_port()
+                .ok_or_else(|| failed("robot_busy", format!("Robot {name} is in another run.")))?,
+        );
     }
     let mut book = lab.book.lock().unwrap_or_else(PoisonError::into_inner);
-    let epoch = book.begin(&numbers, assignment.epoch).map_err(|error| failed("epoch_refused", format!("{error}.")))?;
+    let epoch = book
+        .begin(&numbers, assignment.epoch)
+        .map_err(|error| failed("epoch_refused", format!("{error}.")))?;
     for port in &mut ports {
         port.begin_epoch(epoch);
     }
@@ -231,13 +303,23 @@ async fn report_running(lab: &Lab, assignment: &Assignment, lease: &Lease) -> Re
             if error.is_stale_epoch() {
                 return Conclusion::of(Ending::StaleEpoch, &[]);
             }
-            Conclusion::failed(Whose::Platform, "start_refused", format!("The service did not let the run begin: {error}."))
+            Conclusion::failed(
+                Whose::Platform,
+                "start_refused",
+                format!("The service did not let the run begin: {error}."),
+            )
         })),
     }
 }
 
 fn loop_robots(lab: &Lab, ports: Vec<HeldPort>, limits: &[RobotLimits]) -> Result<Vec<LoopRobot>, Conclusion> {
-    let gone = || Conclusion::failed(Whose::Platform, "robot_not_seen", "A robot vanished before the start.".to_owned());
+    let gone = || {
+        Conclusion::failed(
+            Whose::Platform,
+            "robot_not_seen",
+            "A robot vanished before the start.".to_owned(),
+        )
+    };
     if ports.len() != limits.len() {
         return Err(gone());
     }
@@ -245,8 +327,20 @@ fn loop_robots(lab: &Lab, ports: Vec<HeldPort>, limits: &[RobotLimits]) -> Resul
         let (pose, age_us) = lab.tracker.pose(port.robot().number)?;
         let telemetry = port.robot().newest()?;
         let mut track = PoseTrack::new(limits.motion);
-        track.observe(PoseSample { exposure_us: monotonic_us() - age_us, x_m: pose.x_m, y_m: pose.y_m, yaw_rad: pose.yaw_rad });
-        Some(LoopRobot { port, track, telemetry, turned: telemetry, wheel_radius_m: limits.wheel_radius_m, logged: [false; 2] })
+        track.observe(PoseSample {
+            exposure_us: monotonic_us() - age_us,
+            x_m: pose.x_m,
+            y_m: pose.y_m,
+            yaw_rad: pose.yaw_rad,
+        });
+        Some(LoopRobot {
+            port,
+            track,
+            telemetry,
+            turned: telemetry,
+            wheel_radius_m: limits.wheel_radius_m,
+            logged: [false; 2],
+        })
     });
     made.collect::<Option<_>>().ok_or_else(gone)
 }
@@ -273,5 +367,7 @@ async fn run_loop(setup: Setup) -> Result<LoopResult, Conclusion> {
             let _waiting = done.send(loop_120hz::run(setup));
         })
         .map_err(|error| failed(format!("The control loop cannot be started: {error}.")))?;
-    result.await.map_err(|_| failed("The control loop failed; the robots stopped by themselves.".to_owned()))
+    result
+        .await
+        .map_err(|_| failed("The control loop failed; the robots stopped by themselves.".to_owned()))
 }

@@ -107,7 +107,12 @@ impl Safety {
 /// The first reason to end, gravest first.
 fn find_ending(inputs: &Inputs) -> Option<Ending> {
     let signals = inputs.signals;
-    let silent = || inputs.robots.iter().position(|robot| robot.telemetry_age_us > ROBOT_SILENT_US);
+    let silent = || {
+        inputs
+            .robots
+            .iter()
+            .position(|robot| robot.telemetry_age_us > ROBOT_SILENT_US)
+    };
     let lost = || inputs.robots.iter().position(|robot| robot.pose_age_us > POSE_FAIL_US);
     if signals.protective_stop {
         Some(Ending::ProtectiveStop)
@@ -174,7 +179,11 @@ impl Ending {
                 RunState::Failed,
                 Whose::Robot,
                 "robot_silent",
-                format!("Robot {} sent nothing for more than {} ms.", name(index), ROBOT_SILENT_US / 1000),
+                format!(
+                    "Robot {} sent nothing for more than {} ms.",
+                    name(index),
+                    ROBOT_SILENT_US / 1000
+                ),
             ),
             Self::TrackerSilent => (
                 RunState::Failed,
@@ -186,13 +195,27 @@ impl Ending {
                 RunState::Failed,
                 Whose::Platform,
                 "pose_lost",
-                format!("The tracker had no believable pose of {} for more than {} ms.", name(index), POSE_FAIL_US / 1000),
+                format!(
+                    "The tracker had no believable pose of {} for more than {} ms.",
+                    name(index),
+                    POSE_FAIL_US / 1000
+                ),
             ),
-            Self::Cancelled => {
-                (RunState::Cancelled, Whose::User, "cancelled_by_user", "The run was cancelled.".to_owned())
-            }
+            Self::Cancelled => (
+                RunState::Cancelled,
+                Whose::User,
+                "cancelled_by_user",
+                "The run was cancelled.".to_owned(),
+            ),
         };
-        (state, Some(Fault { whose, code: code.to_owned(), message }))
+        (
+            state,
+            Some(Fault {
+                whose,
+                code: code.to_owned(),
+                message,
+            }),
+        )
     }
 }
 
@@ -200,7 +223,10 @@ impl Ending {
 mod tests {
     use super::*;
 
-    const FINE: [RobotHealth; 2] = [RobotHealth { telemetry_age_us: 9_000, pose_age_us: 12_000 }; 2];
+    const FINE: [RobotHealth; 2] = [RobotHealth {
+        telemetry_age_us: 9_000,
+        pose_age_us: 12_000,
+    }; 2];
     const QUIET: Signals = Signals {
         protective_stop: false,
         shutdown: false,
@@ -225,20 +251,36 @@ mod tests {
     fn drives_while_everything_is_fresh_and_until_time_is_over() {
         let mut safety = Safety::default();
         assert_eq!(safety.tick(&inputs(&FINE)), Permission::Drive);
-        assert_eq!(safety.tick(&Inputs { time_over: true, ..inputs(&FINE) }), Permission::Ended(Ending::Finished));
+        assert_eq!(
+            safety.tick(&Inputs {
+                time_over: true,
+                ..inputs(&FINE)
+            }),
+            Permission::Ended(Ending::Finished)
+        );
         assert_eq!(Ending::Finished.report(&[]), (RunState::Done, None));
     }
 
     #[test]
     fn a_short_tracker_gap_holds_and_passes_a_long_one_fails() {
         let mut safety = Safety::default();
-        let gap = |tracker_age_us| Inputs { tracker_age_us, ..inputs(&FINE) };
+        let gap = |tracker_age_us| Inputs {
+            tracker_age_us,
+            ..inputs(&FINE)
+        };
         assert_eq!(safety.tick(&gap(TRACKER_HOLD_US)), Permission::Drive);
         assert_eq!(safety.tick(&gap(TRACKER_HOLD_US + 1)), Permission::Hold);
         assert_eq!(safety.tick(&gap(TRACKER_FAIL_US)), Permission::Hold);
         assert_eq!(safety.tick(&gap(9_000)), Permission::Drive);
-        assert_eq!(safety.tick(&gap(TRACKER_FAIL_US + 1)), Permission::Ended(Ending::TrackerSilent));
-        assert_eq!(safety.tick(&gap(9_000)), Permission::Ended(Ending::TrackerSilent), "an ending is never left");
+        assert_eq!(
+            safety.tick(&gap(TRACKER_FAIL_US + 1)),
+            Permission::Ended(Ending::TrackerSilent)
+        );
+        assert_eq!(
+            safety.tick(&gap(9_000)),
+            Permission::Ended(Ending::TrackerSilent),
+            "an ending is never left"
+        );
     }
 
     #[test]
@@ -251,31 +293,91 @@ mod tests {
         assert_eq!(safety.tick(&inputs(&robots)), Permission::Ended(Ending::RobotSilent(1)));
         let (state, fault) = Ending::RobotSilent(1).report(&["omni-01".into(), "omni-02".into()]);
         let fault = fault.expect("a fault");
-        assert_eq!((state, fault.whose, fault.code.as_str()), (RunState::Failed, Whose::Robot, "robot_silent"));
+        assert_eq!(
+            (state, fault.whose, fault.code.as_str()),
+            (RunState::Failed, Whose::Robot, "robot_silent")
+        );
         assert!(fault.message.contains("omni-02"));
     }
 
     #[test]
     fn stops_itself_when_the_lease_runs_out() {
-        let signals = Signals { lease_until_us: 1_000_000, ..QUIET };
-        let ended = Safety::default().tick(&Inputs { signals, ..inputs(&FINE) });
+        let signals = Signals {
+            lease_until_us: 1_000_000,
+            ..QUIET
+        };
+        let ended = Safety::default().tick(&Inputs {
+            signals,
+            ..inputs(&FINE)
+        });
         assert_eq!(ended, Permission::Ended(Ending::LeaseLost));
-        let signals = Signals { lease_until_us: 1_000_001, ..QUIET };
-        assert_eq!(Safety::default().tick(&Inputs { signals, ..inputs(&FINE) }), Permission::Drive);
+        let signals = Signals {
+            lease_until_us: 1_000_001,
+            ..QUIET
+        };
+        assert_eq!(
+            Safety::default().tick(&Inputs {
+                signals,
+                ..inputs(&FINE)
+            }),
+            Permission::Drive
+        );
     }
 
     #[test]
     fn each_signal_ends_the_run_and_the_gravest_names_it() {
         let cases = [
-            (Signals { cancel: true, ..QUIET }, Ending::Cancelled, RunState::Cancelled),
-            (Signals { recorder_failed: true, cancel: true, ..QUIET }, Ending::RecorderFailed, RunState::Failed),
-            (Signals { stale_epoch: true, cancel: true, ..QUIET }, Ending::StaleEpoch, RunState::Interrupted),
-            (Signals { shutdown: true, stale_epoch: true, ..QUIET }, Ending::LabStopped, RunState::Interrupted),
-            (Signals { protective_stop: true, shutdown: true, ..QUIET }, Ending::ProtectiveStop, RunState::Interrupted),
+            (
+                Signals { cancel: true, ..QUIET },
+                Ending::Cancelled,
+                RunState::Cancelled,
+            ),
+            (
+                Signals {
+                    recorder_failed: true,
+                    cancel: true,
+                    ..QUIET
+                },
+                Ending::RecorderFailed,
+                RunState::Failed,
+            ),
+            (
+                Signals {
+                    stale_epoch: true,
+                    cancel: true,
+                    ..QUIET
+                },
+                Ending::StaleEpoch,
+                RunState::Interrupted,
+            ),
+            (
+                Signals {
+                    shutdown: true,
+                    stale_epoch: true,
+                    ..QUIET
+                },
+                Ending::LabStopped,
+                RunState::Interrupted,
+            ),
+            (
+                Signals {
+                    protective_stop: true,
+                    shutdown: true,
+                    ..QUIET
+                },
+                Ending::ProtectiveStop,
+                RunState::Interrupted,
+            ),
         ];
         for (signals, ending, state) in cases {
             let mut safety = Safety::default();
-            assert_eq!(safety.tick(&Inputs { signals, ..inputs(&FINE) }), Permission::Ended(ending));
+            assert_eq!(
+                safety.tick(&Inputs {
+                    signals,
+                    ..inputs(&FINE)
+                }),
+                Permission::Ended(ending)
+            );
             assert_eq!(safety.tick(&inputs(&FINE)), Permission::Ended(ending));
             assert_eq!(ending.report(&[]).0, state);
         }

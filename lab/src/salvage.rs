@@ -27,9 +27,15 @@ pub struct Leftover {
 /// Reads what is needed to close a run; `None` when not even its start is readable.
 pub fn inspect(folder: &Path) -> Option<Leftover> {
     let mut journal = JournalReader::open(folder).ok()?;
-    let Some(Record::Start(start)) = journal.next() else { return None };
-    let mut leftover =
-        Leftover { attempt_run: start.assignment.run_id, epoch: start.assignment.epoch, moved: false, end: None };
+    let Some(Record::Start(start)) = journal.next() else {
+        return None;
+    };
+    let mut leftover = Leftover {
+        attempt_run: start.assignment.run_id,
+        epoch: start.assignment.epoch,
+        moved: false,
+        end: None,
+    };
     for record in journal {
         match record {
             Record::Motion(_) => leftover.moved = true,
@@ -43,25 +49,43 @@ pub fn inspect(folder: &Path) -> Option<Leftover> {
 impl Leftover {
     /// Why the run could not end in order.
     pub fn fault(&self) -> Fault {
-        let platform = |code: &str, message: &str| Fault { whose: Whose::Platform, code: code.to_owned(), message: message.to_owned() };
+        let platform = |code: &str, message: &str| Fault {
+            whose: Whose::Platform,
+            code: code.to_owned(),
+            message: message.to_owned(),
+        };
         match &self.end {
             Some(End { fault: Some(fault), .. }) => fault.clone(),
-            Some(_) => platform("upload_interrupted", "The run ended, but its files could not be handed in in time."),
-            None => platform("lab_restarted", "The laboratory process stopped during the run and was started again."),
+            Some(_) => platform(
+                "upload_interrupted",
+                "The run ended, but its files could not be handed in in time.",
+            ),
+            None => platform(
+                "lab_restarted",
+                "The laboratory process stopped during the run and was started again.",
+            ),
         }
     }
 }
 
 /// Folders with a journal that was not handed in, oldest name first.
 pub fn leftovers(folder: &Path) -> Vec<PathBuf> {
-    let mut found: Vec<_> = run_folders(folder).into_iter().filter(|run| !run.join(DELIVERED_MARK).exists()).collect();
+    let mut found: Vec<_> = run_folders(folder)
+        .into_iter()
+        .filter(|run| !run.join(DELIVERED_MARK).exists())
+        .collect();
     found.sort();
     found
 }
 
 fn run_folders(folder: &Path) -> Vec<PathBuf> {
-    let Ok(entries) = fs::read_dir(folder) else { return Vec::new() };
-    entries.filter_map(|entry| Some(entry.ok()?.path())).filter(|path| path.join(journal::FILE_NAME).exists()).collect()
+    let Ok(entries) = fs::read_dir(folder) else {
+        return Vec::new();
+    };
+    entries
+        .filter_map(|entry| Some(entry.ok()?.path()))
+        .filter(|path| path.join(journal::FILE_NAME).exists())
+        .collect()
 }
 
 /// Closes everything left behind. An error means: the service is away, try again later.
@@ -75,7 +99,11 @@ pub async fn sweep(lab: &Lab) -> Result<(), ServiceError> {
         let how = match leftover {
             None => "unreadable".to_owned(),
             // Nothing moved: the service gives the run to somebody else when the lease is over.
-            Some(Leftover { moved: false, end: None, .. }) => "never moved".to_owned(),
+            Some(Leftover {
+                moved: false,
+                end: None,
+                ..
+            }) => "never moved".to_owned(),
             Some(leftover) => salvage(lab, &folder, &leftover).await?,
         };
         tracing::info!(folder = %folder.display(), how, "leftover closed");
@@ -97,7 +125,11 @@ async fn salvage(lab: &Lab, folder: &Path, leftover: &Leftover) -> Result<String
     if run.state == RunState::Done {
         return Ok("the run is done".to_owned());
     }
-    let attempt = Attempt { run_id, epoch, folder: folder.to_owned() };
+    let attempt = Attempt {
+        run_id,
+        epoch,
+        folder: folder.to_owned(),
+    };
     let sent = async {
         let manifest = deliver::build_archive(folder).await?;
         deliver::upload_all(lab, &attempt, &manifest, || true).await
@@ -114,8 +146,15 @@ async fn salvage(lab: &Lab, folder: &Path, leftover: &Leftover) -> Result<String
 
 /// Removes the oldest folders that were handed in.
 fn prune(folder: &Path) {
-    let modified = |path: &PathBuf| fs::metadata(path.join(DELIVERED_MARK)).and_then(|mark| mark.modified()).ok();
-    let mut done: Vec<_> = run_folders(folder).into_iter().filter_map(|path| Some((modified(&path)?, path))).collect();
+    let modified = |path: &PathBuf| {
+        fs::metadata(path.join(DELIVERED_MARK))
+            .and_then(|mark| mark.modified())
+            .ok()
+    };
+    let mut done: Vec<_> = run_folders(folder)
+        .into_iter()
+        .filter_map(|path| Some((modified(&path)?, path)))
+        .collect();
     done.sort();
     let excess = done.len().saturating_sub(KEPT_FOLDERS);
     for (_, path) in done.into_iter().take(excess) {

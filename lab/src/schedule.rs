@@ -25,7 +25,11 @@ pub struct TickSchedule {
 impl TickSchedule {
     /// Slot 0 is due at `start_ns`.
     pub const fn new(start_ns: i64) -> Self {
-        Self { start_ns, next_slot: 0, missed: 0 }
+        Self {
+            start_ns,
+            next_slot: 0,
+            missed: 0,
+        }
     }
 
     /// When the next slot is due.

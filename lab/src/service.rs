@@ -31,7 +31,11 @@ pub enum ServiceError {
     Unreachable(#[from] reqwest::Error),
     /// An answer, and it is no.
     #[error("the service refused with {status} {code}: {detail}")]
-    Refused { status: StatusCode, code: String, detail: String },
+    Refused {
+        status: StatusCode,
+        code: String,
+        detail: String,
+    },
     #[error("a file cannot be read")]
     File(#[from] std::io::Error),
 }
@@ -81,7 +85,11 @@ impl Service {
     /// - `server`: for example `http://127.0.0.1:8080`.
     pub fn new(server: &str, token: &str) -> reqwest::Result<Self> {
         let client = Client::builder().connect_timeout(CONNECT_TIMEOUT).no_proxy().build()?;
-        Ok(Self { client, server: server.trim_end_matches('/').to_owned(), token: token.trim().to_owned() })
+        Ok(Self {
+            client,
+            server: server.trim_end_matches('/').to_owned(),
+            token: token.trim().to_owned(),
+        })
     }
 
     /// Bearer token of the role `lab`.
@@ -100,14 +108,28 @@ impl Service {
     }
 
     fn request(&self, method: Method, path: &str) -> RequestBuilder {
-        self.client.request(method, format!("{}{BASE_PATH}{path}", self.server)).bearer_auth(&self.token)
+        self.client
+            .request(method, format!("{}{BASE_PATH}{path}", self.server))
+            .bearer_auth(&self.token)
     }
 
     async fn post(&self, path: &str, body: &impl Serialize, timeout: Duration) -> Result<Response, ServiceError> {
-        accepted(self.request(Method::POST, path).timeout(timeout).json(body).send().await?).await
+        accepted(
+            self.request(Method::POST, path)
+                .timeout(timeout)
+                .json(body)
+                .send()
+                .await?,
+        )
+        .await
     }
 
-    async fn ask<R: DeserializeOwned>(&self, path: &str, body: &impl Serialize, timeout: Duration) -> Result<R, ServiceError> {
+    async fn ask<R: DeserializeOwned>(
+        &self,
+        path: &str,
+        body: &impl Serialize,
+        timeout: Duration,
+    ) -> Result<R, ServiceError> {
         Ok(self.post(path, body, timeout).await?.json().await?)
     }
 
@@ -125,29 +147,44 @@ impl Service {
     pub async fn claim(&self, request: &ClaimRequest) -> Result<Option<Assignment>, ServiceError> {
         let timeout = Duration::from_secs_f64(request.wait_s) + CLAIM_SLACK;
         let reply = self.post("/lab/claim", request, timeout).await?;
-        if reply.status() == StatusCode::NO_CONTENT { Ok(None) } else { Ok(Some(reply.json().await?)) }
+        if reply.status() == StatusCode::NO_CONTENT {
+            Ok(None)
+        } else {
+            Ok(Some(reply.json().await?))
+        }
     }
 
     /// Keeps the lease.
     pub async fn heartbeat(&self, run_id: Uuid, beat: &Heartbeat) -> Result<HeartbeatReply, ServiceError> {
-        self.ask(&format!("/lab/runs/{run_id}/heartbeat"), beat, HEARTBEAT_TIMEOUT).await
+        self.ask(&format!("/lab/runs/{run_id}/heartbeat"), beat, HEARTBEAT_TIMEOUT)
+            .await
     }
 
     /// Moves the run on.
     pub async fn report(&self, run_id: Uuid, report: &StateReport) -> Result<(), ServiceError> {
-        self.post(&format!("/lab/runs/{run_id}/state"), report, REQUEST_TIMEOUT).await.map(|_| ())
+        self.post(&format!("/lab/runs/{run_id}/state"), report, REQUEST_TIMEOUT)
+            .await
+            .map(|_| ())
     }
 
     /// Closes an attempt that an earlier process left behind; the run as it is then.
     pub async fn salvage(&self, run_id: Uuid, epoch: i64, fault: &Fault) -> Result<RunView, ServiceError> {
-        self.ask(&format!("/lab/runs/{run_id}/salvage"), &Salvage { epoch, fault }, REQUEST_TIMEOUT).await
+        self.ask(
+            &format!("/lab/runs/{run_id}/salvage"),
+            &Salvage { epoch, fault },
+            REQUEST_TIMEOUT,
+        )
+        .await
     }
 
     /// Sends one file; the service checks the hash before it counts.
     pub async fn upload(&self, upload: Upload<'_>) -> Result<(), ServiceError> {
         let file = tokio::fs::File::open(upload.path).await?;
         let bytes = file.metadata().await?.len();
-        let path = format!("/lab/runs/{}/files/{}?epoch={}", upload.run_id, upload.name, upload.epoch);
+        let path = format!(
+            "/lab/runs/{}/files/{}?epoch={}",
+            upload.run_id, upload.name, upload.epoch
+        );
         let request = self
             .request(Method::PUT, &path)
             .header("x-content-sha256", upload.sha256)
@@ -165,7 +202,15 @@ async fn accepted(reply: Response) -> Result<Response, ServiceError> {
     }
     let text = reply.text().await.unwrap_or_default();
     Err(match serde_json::from_str::<Problem>(&text) {
-        Ok(problem) => ServiceError::Refused { status, code: problem.code, detail: problem.detail },
-        Err(_) => ServiceError::Refused { status, code: String::new(), detail: text.chars().take(200).collect() },
+        Ok(problem) => ServiceError::Refused {
+            status,
+            code: problem.code,
+            detail: problem.detail,
+        },
+        Err(_) => ServiceError::Refused {
+            status,
+            code: String::new(),
+            detail: text.chars().take(200).collect(),
+        },
     })
 }

@@ -26,16 +26,21 @@ impl SleepProbe {
     pub fn start(recorder: RecorderHandle) -> std::io::Result<Self> {
         let over = Arc::new(AtomicBool::new(false));
         let seen = over.clone();
-        let thread = std::thread::Builder::new().name("sleep-probe".to_owned()).spawn(move || {
-            while !seen.load(Ordering::Relaxed) {
-                let before = Instant::now();
-                std::thread::sleep(SLEEP);
-                let late = before.elapsed().saturating_sub(SLEEP);
-                recorder.push(Record::SleepLate(i64::try_from(late.as_micros()).unwrap_or(i64::MAX)));
-                std::thread::sleep(PAUSE);
-            }
-        })?;
-        Ok(Self { over, thread: Some(thread) })
+        let thread = std::thread::Builder::new()
+            .name("sleep-probe".to_owned())
+            .spawn(move || {
+                while !seen.load(Ordering::Relaxed) {
+                    let before = Instant::now();
+                    std::thread::sleep(SLEEP);
+                    let late = before.elapsed().saturating_sub(SLEEP);
+                    recorder.push(Record::SleepLate(i64::try_from(late.as_micros()).unwrap_or(i64::MAX)));
+                    std::thread::sleep(PAUSE);
+                }
+            })?;
+        Ok(Self {
+            over,
+            thread: Some(thread),
+        })
     }
 }
 

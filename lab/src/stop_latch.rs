@@ -47,7 +47,10 @@ impl StopLatch {
 
     /// `wake` gets a message whenever the latch changes; a full channel is left alone.
     pub fn wake_on_change(&self, wake: SyncSender<()>) {
-        self.wake.lock().unwrap_or_else(std::sync::PoisonError::into_inner).push(wake);
+        self.wake
+            .lock()
+            .unwrap_or_else(std::sync::PoisonError::into_inner)
+            .push(wake);
     }
 
     /// Stops first and writes the mark second. An error means: stopped, but a restart would forget it.
@@ -70,7 +73,12 @@ impl StopLatch {
 
     fn set(&self, pressed: bool) {
         self.pressed.store(pressed, Ordering::Release);
-        for wake in self.wake.lock().unwrap_or_else(std::sync::PoisonError::into_inner).iter() {
+        for wake in self
+            .wake
+            .lock()
+            .unwrap_or_else(std::sync::PoisonError::into_inner)
+            .iter()
+        {
             // Full means that a wake-up is on its way.
             let _pending = wake.try_send(());
         }

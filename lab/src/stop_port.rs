@@ -46,21 +46,28 @@ pub trait StateSource: Send + Sync + 'static {
 }
 
 /// Binds, writes the address to `<data>/lab-stop.addr` and serves until the process ends.
-pub fn start(listen: SocketAddr, data: &Path, latch: Arc<StopLatch>, source: Arc<dyn StateSource>) -> io::Result<SocketAddr> {
+pub fn start(
+    listen: SocketAddr,
+    data: &Path,
+    latch: Arc<StopLatch>,
+    source: Arc<dyn StateSource>,
+) -> io::Result<SocketAddr> {
     let listener = TcpListener::bind(listen)?;
     listener.set_nonblocking(true)?;
     let address = listener.local_addr()?;
     durable::write(&data.join(ADDRESS_FILE), format!("{address}\n").as_bytes())?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    std::thread::Builder::new().name("stop-port".to_owned()).spawn(move || {
-        if let Err(error) = runtime.block_on(serve(listener, &latch, &source)) {
-            tracing::error!(%error, "the stop port is gone; pressing the stop");
-            // Without its button the laboratory must not drive.
-            if let Err(error) = latch.press("stop port failure") {
-                tracing::error!(%error, "the stop could not be written to disk");
+    std::thread::Builder::new()
+        .name("stop-port".to_owned())
+        .spawn(move || {
+            if let Err(error) = runtime.block_on(serve(listener, &latch, &source)) {
+                tracing::error!(%error, "the stop port is gone; pressing the stop");
+                // Without its button the laboratory must not drive.
+                if let Err(error) = latch.press("stop port failure") {
+                    tracing::error!(%error, "the stop could not be written to disk");
+                }
             }
-        }
-    })?;
+        })?;
     Ok(address)
 }
 
@@ -68,7 +75,9 @@ async fn serve(listener: TcpListener, latch: &Arc<StopLatch>, source: &Arc<dyn S
     let listener = tokio::net::TcpListener::from_std(listener)?;
     let seats = Arc::new(Semaphore::new(CONNECTIONS));
     loop {
-        let Ok(seat) = seats.clone().acquire_owned().await else { return Ok(()) };
+        let Ok(seat) = seats.clone().acquire_owned().await else {
+            return Ok(());
+        };
         let (stream, peer) = match listener.accept().await {
             Ok(accepted) => accepted,
             Err(error) => {
@@ -100,26 +109,41 @@ type Reply = Response<Full<Bytes>>;
 
 fn answer(request: &Request<Incoming>, peer: SocketAddr, latch: &StopLatch, source: &dyn StateSource) -> Reply {
     match (request.method(), request.uri().path()) {
-        (&Method::GET, "/") => reply(StatusCode::OK, "text/html; charset=utf-8", include_str!("stop_port.html")),
+        (&Method::GET, "/") => reply(
+            StatusCode::OK,
+            "text/html; charset=utf-8",
+            include_str!("stop_port.html"),
+        ),
         (&Method::GET, "/state") => state(source),
         (&Method::POST, "/stop") => match latch.press(&format!("from {peer}")) {
             Ok(()) => state(source),
             Err(error) => failure(&format!("Stopped, but a restart would forget it: {error}")),
         },
-        (&Method::POST, "/clear") if !same_origin(request) => {
-            reply(StatusCode::FORBIDDEN, "text/plain; charset=utf-8", "Only the laboratory's own page may clear the stop.")
-        }
+        (&Method::POST, "/clear") if !same_origin(request) => reply(
+            StatusCode::FORBIDDEN,
+            "text/plain; charset=utf-8",
+            "Only the laboratory's own page may clear the stop.",
+        ),
         (&Method::POST, "/clear") => match latch.clear(&format!("from {peer}")) {
             Ok(()) => state(source),
             Err(error) => failure(&format!("Still stopped: {error}")),
         },
-        _ => reply(StatusCode::NOT_FOUND, "text/plain; charset=utf-8", "GET /, GET /state, POST /stop, POST /clear"),
+        _ => reply(
+            StatusCode::NOT_FOUND,
+            "text/plain; charset=utf-8",
+            "GET /, GET /state, POST /stop, POST /clear",
+        ),
     }
 }
 
 /// Any page may stop the robots; a foreign page must not be able to clear the stop behind an operator's back.
 fn same_origin(request: &Request<Incoming>) -> bool {
-    let text = |name| request.headers().get(name).and_then(|value: &HeaderValue| value.to_str().ok());
+    let text = |name| {
+        request
+            .headers()
+            .get(name)
+            .and_then(|value: &HeaderValue| value.to_str().ok())
+    };
     match (text(ORIGIN), text(HOST)) {
         (None, _) => true,
         (Some(origin), Some(host)) => origin.split_once("://").is_some_and(|(_, from)| from == host),
@@ -135,7 +159,11 @@ fn state(source: &dyn StateSource) -> Reply {
 }
 
 fn failure(message: &str) -> Reply {
-    reply(StatusCode::INTERNAL_SERVER_ERROR, "text/plain; charset=utf-8", message.to_owned())
+    reply(
+        StatusCode::INTERNAL_SERVER_ERROR,
+        "text/plain; charset=utf-8",
+        message.to_owned(),
+    )
 }
 
 fn reply(status: StatusCode, content_type: &'static str, body: impl Into<Bytes>) -> Reply {

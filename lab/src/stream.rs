@@ -31,7 +31,10 @@ pub async fn keep(service: Service, mut frames: Receiver<LiveFrame>) {
 /// `Ok` when there will be no more frames.
 async fn connect(service: &Service, frames: &mut Receiver<LiveFrame>, backoff: &mut Backoff) -> anyhow::Result<()> {
     let mut request = service.stream_address().into_client_request()?;
-    request.headers_mut().insert("authorization", HeaderValue::from_str(&format!("Bearer {}", service.token()))?);
+    request.headers_mut().insert(
+        "authorization",
+        HeaderValue::from_str(&format!("Bearer {}", service.token()))?,
+    );
     let (socket, _) = connect_async(request).await?;
     let (mut sink, mut stream) = socket.split();
     backoff.reset();

@@ -90,12 +90,17 @@ impl Tracker {
 
     /// Age of the newest picture.
     pub fn age_us(&self) -> Option<i64> {
-        self.seen().newest_exposure_us.map(|exposure_us| monotonic_us() - exposure_us)
+        self.seen()
+            .newest_exposure_us
+            .map(|exposure_us| monotonic_us() - exposure_us)
     }
 
     /// Newest pose of a robot and its age.
     pub fn pose(&self, robot: u8) -> Option<(TrackedPose, i64)> {
-        self.seen().robots.get(&robot).map(|(pose, exposure_us)| (*pose, monotonic_us() - exposure_us))
+        self.seen()
+            .robots
+            .get(&robot)
+            .map(|(pose, exposure_us)| (*pose, monotonic_us() - exposure_us))
     }
 
     fn seen(&self) -> MutexGuard<'_, Seen> {

@@ -22,7 +22,11 @@ fn write(folder: &Folder) -> (Vec<Record>, Vec<u64>) {
     for part in [&records[..first], &records[first..second], &records[second..]] {
         part.iter().for_each(|record| journal.push(record).expect("push"));
         journal.flush().expect("flush");
-        lengths.push(std::fs::metadata(folder.path().join(FILE_NAME)).expect("the file").len());
+        lengths.push(
+            std::fs::metadata(folder.path().join(FILE_NAME))
+                .expect("the file")
+                .len(),
+        );
     }
     (records, lengths)
 }

@@ -14,7 +14,13 @@ struct Source(Arc<StopLatch>);
 
 impl StateSource for Source {
     fn state(&self) -> StopState {
-        StopState { stopped: self.0.is_pressed(), lab: "reference-lab".into(), run: None, phase: None, robots: Vec::new() }
+        StopState {
+            stopped: self.0.is_pressed(),
+            lab: "reference-lab".into(),
+            run: None,
+            phase: None,
+            robots: Vec::new(),
+        }
     }
 }
 
@@ -29,12 +35,18 @@ fn start(folder: &Folder) -> (Arc<StopLatch>, SocketAddr) {
 fn ask(address: SocketAddr, method: &str, path: &str, origin: Option<&str>) -> (u16, String) {
     let mut stream = TcpStream::connect(address).expect("a connection");
     let origin = origin.map(|origin| format!("Origin: {origin}\r\n")).unwrap_or_default();
-    write!(stream, "{method} {path} HTTP/1.1\r\nHost: {address}\r\n{origin}Content-Length: 0\r\nConnection: close\r\n\r\n")
-        .expect("a request");
+    write!(
+        stream,
+        "{method} {path} HTTP/1.1\r\nHost: {address}\r\n{origin}Content-Length: 0\r\nConnection: close\r\n\r\n"
+    )
+    .expect("a request");
     let mut reply = String::new();
     stream.read_to_string(&mut reply).expect("a reply");
     let (head, body) = reply.split_once("\r\n\r\n").expect("a head");
-    (head.split(' ').nth(1).expect("a status").parse().expect("a number"), body.to_owned())
+    (
+        head.split(' ').nth(1).expect("a status").parse().expect("a number"),
+        body.to_owned(),
+    )
 }
 
 fn stopped(address: SocketAddr) -> bool {
@@ -61,7 +73,11 @@ fn a_press_latches_wakes_and_outlives_the_process() {
     let (wake, woken) = sync_channel(1);
     latch.wake_on_change(wake);
     assert!(!stopped(address));
-    assert_eq!(ask(address, "POST", "/stop", Some("http://elsewhere.example")).0, 200, "anyone may stop");
+    assert_eq!(
+        ask(address, "POST", "/stop", Some("http://elsewhere.example")).0,
+        200,
+        "anyone may stop"
+    );
     assert!(latch.is_pressed() && stopped(address));
     woken.try_recv().expect("the sender of frames was woken");
 

@@ -48,7 +48,9 @@ pub fn build(journal_folder: &Path, out: &Path) -> Result<Manifest, ArchiveError
 
 fn write_files(journal_folder: &Path, folder: &Path) -> Result<Manifest, ArchiveError> {
     let mut journal = JournalReader::open(journal_folder)?;
-    let Some(Record::Start(start)) = journal.next() else { return Err(ArchiveError::StartMissing) };
+    let Some(Record::Start(start)) = journal.next() else {
+        return Err(ArchiveError::StartMissing);
+    };
     let mut files = Files::create(folder, &start)?;
     let mut end = None;
     // Nothing but the log stands between the start and the motion.
@@ -105,7 +107,9 @@ impl Files {
         Ok(Self {
             mcap: McapFile::create(&folder.join("run.mcap"), assignment, clock)?,
             log: BufWriter::new(File::create(folder.join("log.txt"))?),
-            names: ["experiment.json", "verdict.json", "log.txt", "run.mcap"].map(str::to_owned).to_vec(),
+            names: ["experiment.json", "verdict.json", "log.txt", "run.mcap"]
+                .map(str::to_owned)
+                .to_vec(),
             folder: folder.to_owned(),
             clock,
             tables: Vec::new(),
@@ -131,8 +135,14 @@ impl Files {
             });
             write_json(&self.folder.join(&place).join("run.json"), &run)?;
             let table = self.folder.join(&place).join("telemetry.parquet");
-            self.tables.push(TelemetryTable::create(&table, robot.number, &robot.description, start_us)?);
-            self.names.extend(["run.json", "telemetry.parquet"].map(|file| format!("{place}/{file}")));
+            self.tables.push(TelemetryTable::create(
+                &table,
+                robot.number,
+                &robot.description,
+                start_us,
+            )?);
+            self.names
+                .extend(["run.json", "telemetry.parquet"].map(|file| format!("{place}/{file}")));
         }
         Ok(())
     }
@@ -173,7 +183,10 @@ impl Files {
             table.finish()?;
         }
         if let Some(track) = self.track {
-            crate::durable::write(&self.folder.join(track::FILE_NAME), &serde_json::to_vec(&track.finish())?)?;
+            crate::durable::write(
+                &self.folder.join(track::FILE_NAME),
+                &serde_json::to_vec(&track.finish())?,
+            )?;
         }
         let describe = |name: &String| -> io::Result<FileEntry> {
             File::open(self.folder.join(name))?.sync_all()?;
@@ -203,22 +216,40 @@ impl Files {
 fn write_ending(log: &mut impl Write, end: Option<&End>, whole: bool) -> io::Result<()> {
     match end {
         Some(end) => {
-            let why = end.fault.as_ref().map(|fault| format!(": {} ({})", fault.message, fault.code)).unwrap_or_default();
+            let why = end
+                .fault
+                .as_ref()
+                .map(|fault| format!(": {} ({})", fault.message, fault.code))
+                .unwrap_or_default();
             writeln!(log, "run ended as {}{why}", end.state.as_str())?;
             if end.records_dropped > 0 {
-                writeln!(log, "{} records were lost because the recorder's queue was full", end.records_dropped)?;
+                writeln!(
+                    log,
+                    "{} records were lost because the recorder's queue was full",
+                    end.records_dropped
+                )?;
             }
         }
-        None => writeln!(log, "the record ends here: the laboratory process stopped without ending the run")?,
+        None => writeln!(
+            log,
+            "the record ends here: the laboratory process stopped without ending the run"
+        )?,
     }
     if !whole {
-        writeln!(log, "the end of the journal was damaged; everything before it is in this archive")?;
+        writeln!(
+            log,
+            "the end of the journal was damaged; everything before it is in this archive"
+        )?;
     }
     Ok(())
 }
 
 fn write_jitter(log: &mut impl Write, recorded: i64, missed: i64, jitter: &TickJitter) -> io::Result<()> {
-    writeln!(log, "ticks: {recorded} recorded, {missed} missed, {} bunched (< 4 ms apart)", jitter.bunched)?;
+    writeln!(
+        log,
+        "ticks: {recorded} recorded, {missed} missed, {} bunched (< 4 ms apart)",
+        jitter.bunched
+    )?;
     writeln!(
         log,
         "loop lateness: p50 {:.3} ms, p99 {:.3} ms, max {:.3} ms; work of a tick p99 {:.3} ms; plain 8.33 ms sleeps on this machine late by p50 {:.3} ms, p99 {:.3} ms, max {:.3} ms ({} samples)",

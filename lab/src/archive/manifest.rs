@@ -69,11 +69,17 @@ pub fn describe(folder: &Path, name: &str) -> io::Result<FileEntry> {
     let mut bytes = 0;
     loop {
         let read = file.read(&mut buffer)?;
-        let Some(part) = buffer.get(..read).filter(|part| !part.is_empty()) else { break };
+        let Some(part) = buffer.get(..read).filter(|part| !part.is_empty()) else {
+            break;
+        };
         hash.update(part);
         bytes += read as u64;
     }
-    Ok(FileEntry { name: name.to_owned(), bytes, sha256: hex(&hash.finalize()) })
+    Ok(FileEntry {
+        name: name.to_owned(),
+        bytes,
+        sha256: hex(&hash.finalize()),
+    })
 }
 
 /// Lower-case hexadecimal.

@@ -64,7 +64,9 @@ pub struct McapFile {
 impl McapFile {
     /// Registers schemas and channels.
     pub fn create(path: &Path, assignment: &Assignment, clock: WallClock) -> Result<Self, McapError> {
-        let options = WriteOptions::new().chunk_size(Some(CHUNK_BYTES)).library(concat!("robopheus-lab ", env!("CARGO_PKG_VERSION")));
+        let options = WriteOptions::new()
+            .chunk_size(Some(CHUNK_BYTES))
+            .library(concat!("robopheus-lab ", env!("CARGO_PKG_VERSION")));
         let mut writer = options.create(BufWriter::new(File::create(path)?))?;
         let mut schema = |name: &str, text: &str| writer.add_schema(name, "jsonschema", text.as_bytes());
         let pose = schema("foxglove.PoseInFrame", include_str!("schemas/pose_in_frame.json"))?;
@@ -74,7 +76,9 @@ impl McapFile {
         let telemetry = schema("robopheus.Telemetry", include_str!("schemas/telemetry.json"))?;
         let intervention = schema("robopheus.Intervention", include_str!("schemas/intervention.json"))?;
         let mut channel = |schema, topic: &str| {
-            writer.add_channel(schema, topic, "json", &BTreeMap::new()).map(|id| Channel { id, sequence: 0 })
+            writer
+                .add_channel(schema, topic, "json", &BTreeMap::new())
+                .map(|id| Channel { id, sequence: 0 })
         };
         let mut robots = BTreeMap::new();
         for robot in &assignment.robots {
@@ -90,32 +94,67 @@ impl McapFile {
         let transforms = channel(transform, "/tf")?;
         let safety = channel(intervention, "/safety")?;
         let log = channel(log, "/log")?;
-        Ok(Self { writer, clock, robots, transforms, safety, log })
+        Ok(Self {
+            writer,
+            clock,
+            robots,
+            transforms,
+            safety,
+            log,
+        })
     }
 
     /// Writes the messages of a record.
     pub fn take(&mut self, record: &Record) -> Result<(), McapError> {
-        let Self { writer, clock, robots, transforms, safety, log } = self;
+        let Self {
+            writer,
+            clock,
+            robots,
+            transforms,
+            safety,
+            log,
+        } = self;
         match record {
             Record::Pose(pose) if pose.accepted => {
-                let Some(robot) = robots.get_mut(&pose.robot) else { return Ok(()) };
+                let Some(robot) = robots.get_mut(&pose.robot) else {
+                    return Ok(());
+                };
                 let (exposure_ns, arrival_ns) = (clock.ns(pose.exposure_us), clock.ns(pose.arrival_us));
-                write(writer, &mut robot.pose, [arrival_ns, exposure_ns], &pose_in_frame(pose, exposure_ns))?;
-                write(writer, transforms, [arrival_ns, exposure_ns], &frame_transform(pose, exposure_ns, &robot.name))
+                write(
+                    writer,
+                    &mut robot.pose,
+                    [arrival_ns, exposure_ns],
+                    &pose_in_frame(pose, exposure_ns),
+                )?;
+                write(
+                    writer,
+                    transforms,
+                    [arrival_ns, exposure_ns],
+                    &frame_transform(pose, exposure_ns, &robot.name),
+                )
             }
             Record::Command(command) => {
-                let Some(robot) = robots.get_mut(&command.robot) else { return Ok(()) };
+                let Some(robot) = robots.get_mut(&command.robot) else {
+                    return Ok(());
+                };
                 write(writer, &mut robot.command, [clock.ns(command.sent_us); 2], command)
             }
             Record::Telemetry(telemetry) => {
-                let Some(robot) = robots.get_mut(&telemetry.robot) else { return Ok(()) };
+                let Some(robot) = robots.get_mut(&telemetry.robot) else {
+                    return Ok(());
+                };
                 let times = [clock.ns(telemetry.arrival_us), clock.ns(telemetry.sample_us)];
                 write(writer, &mut robot.telemetry, times, telemetry)
             }
             Record::Intervention(intervention) => {
                 write(writer, safety, [clock.ns(intervention.at_us); 2], intervention)
             }
-            Record::Log(line) => write(writer, log, [clock.ns(line.at_us); 2], &foxglove_log(line, clock.ns(line.at_us))),
+            Record::Log(line) => write(
+                writer,
+                log,
+                [clock.ns(line.at_us); 2],
+                &foxglove_log(line, clock.ns(line.at_us)),
+            ),
             _ => Ok(()),
         }
     }
@@ -135,7 +174,12 @@ fn write(
 ) -> Result<(), McapError> {
     channel.sequence += 1;
     let [log_time, publish_time] = times_ns;
-    let header = MessageHeader { channel_id: channel.id, sequence: channel.sequence, log_time, publish_time };
+    let header = MessageHeader {
+        channel_id: channel.id,
+        sequence: channel.sequence,
+        log_time,
+        publish_time,
+    };
     let bytes = serde_json::to_vec(message).map_err(|error| McapError::Io(error.into()))?;
     writer.write_to_known_channel(&header, &bytes)
 }

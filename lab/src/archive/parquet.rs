@@ -36,17 +36,29 @@ struct Layout {
 
 /// Positions in `wheels` of the driven wheels: the order of the robot link.
 pub fn driven_wheels(description: &RobotDescription) -> Vec<usize> {
-    description.wheels.iter().enumerate().filter(|(_, wheel)| wheel.driven).map(|(position, _)| position).collect()
+    description
+        .wheels
+        .iter()
+        .enumerate()
+        .filter(|(_, wheel)| wheel.driven)
+        .map(|(position, _)| position)
+        .collect()
 }
 
 impl Layout {
     fn new(description: &RobotDescription) -> Self {
         let mut layout = Self::default();
         let driven = driven_wheels(description);
-        layout.command_wheel = driven.iter().map(|k| layout.add(format!("command_wheel_{k}_rad_per_s"))).collect();
+        layout.command_wheel = driven
+            .iter()
+            .map(|k| layout.add(format!("command_wheel_{k}_rad_per_s")))
+            .collect();
         let has_steering = description.steering.is_some();
         layout.steering = has_steering.then(|| ["command_steering_rad", "steering_rad"].map(|name| layout.add(name)));
-        layout.wheel_speed = driven.iter().map(|k| layout.add(format!("wheel_{k}_rad_per_s"))).collect();
+        layout.wheel_speed = driven
+            .iter()
+            .map(|k| layout.add(format!("wheel_{k}_rad_per_s")))
+            .collect();
         layout.wheel_angle = driven.iter().map(|k| layout.add(format!("wheel_{k}_rad"))).collect();
         layout.current = driven.iter().map(|k| layout.add(format!("current_{k}_a"))).collect();
         layout.inertial =
@@ -70,7 +82,11 @@ impl Layout {
     fn schema(&self) -> Schema {
         let mut fields = vec![Field::new("time_s", DataType::Float64, false)];
         for (column, name) in self.names.iter().enumerate() {
-            let kind = if self.is_integer(column) { DataType::Int64 } else { DataType::Float64 };
+            let kind = if self.is_integer(column) {
+                DataType::Int64
+            } else {
+                DataType::Float64
+            };
             fields.push(Field::new(name, kind, true));
         }
         fields.push(Field::new("camera_id", DataType::Utf8, true));
@@ -102,7 +118,9 @@ impl TelemetryTable {
     pub fn create(path: &Path, robot: u8, description: &RobotDescription, start_us: i64) -> Result<Self, ParquetError> {
         let layout = Layout::new(description);
         let schema = Arc::new(layout.schema());
-        let properties = WriterProperties::builder().set_compression(Compression::ZSTD(ZstdLevel::default())).build();
+        let properties = WriterProperties::builder()
+            .set_compression(Compression::ZSTD(ZstdLevel::default()))
+            .build();
         let writer = ArrowWriter::try_new(File::create(path)?, schema.clone(), Some(properties))?;
         Ok(Self {
             robot,
@@ -137,7 +155,10 @@ impl TelemetryTable {
         }
         self.newest_us = self.newest_us.max(at_us);
         let width = self.layout.names.len();
-        let row = self.rows.entry(at_us).or_insert_with(|| Row { values: vec![None; width], camera: None });
+        let row = self.rows.entry(at_us).or_insert_with(|| Row {
+            values: vec![None; width],
+            camera: None,
+        });
         for (column, value) in cells {
             if let Some(cell) = row.values.get_mut(column) {
                 *cell = value.is_finite().then_some(value);
@@ -148,8 +169,17 @@ impl TelemetryTable {
 
     fn take_command(&mut self, command: &Command) {
         let mut cells = place(&self.layout.command_wheel, &command.wheel_rad_per_s);
-        cells.extend(self.layout.steering.map(|[command_column, _]| (command_column, command.steering_rad)));
-        cells.extend(command.target_m.into_iter().flat_map(|target_m| self.layout.target.into_iter().zip(target_m)));
+        cells.extend(
+            self.layout
+                .steering
+                .map(|[command_column, _]| (command_column, command.steering_rad)),
+        );
+        cells.extend(
+            command
+                .target_m
+                .into_iter()
+                .flat_map(|target_m| self.layout.target.into_iter().zip(target_m)),
+        );
         let [sent, _] = self.layout.sequence;
         cells.push((sent, f64::from(command.sequence)));
         self.set(command.sent_us, cells);
@@ -169,9 +199,17 @@ impl TelemetryTable {
         cells.extend(place(&layout.wheel_angle, &telemetry.wheel_rad));
         cells.extend(place(&layout.current, &telemetry.current_a));
         let [accel_x, accel_y] = telemetry.accel_m_per_s2;
-        cells.extend(layout.inertial.into_iter().zip([telemetry.bus_v, telemetry.gyro_z_rad_per_s, accel_x, accel_y]));
+        cells.extend(
+            layout
+                .inertial
+                .into_iter()
+                .zip([telemetry.bus_v, telemetry.gyro_z_rad_per_s, accel_x, accel_y]),
+        );
         cells.extend(layout.steering.map(|[_, measured]| (measured, telemetry.steering_rad)));
-        let clocks = [self.seconds(telemetry.arrival_us), f64::from(telemetry.robot_clock_ms) * 1e-3];
+        let clocks = [
+            self.seconds(telemetry.arrival_us),
+            f64::from(telemetry.robot_clock_ms) * 1e-3,
+        ];
         cells.extend(layout.clocks.into_iter().zip(clocks));
         let [_, applied] = layout.sequence;
         cells.push((applied, f64::from(telemetry.applied_sequence)));
@@ -191,17 +229,26 @@ impl TelemetryTable {
 
     fn write_batch(&mut self) -> Result<(), ParquetError> {
         let rows = std::mem::take(&mut self.batch);
-        let mut columns: Vec<ArrayRef> =
-            vec![Arc::new(Float64Array::from_iter_values(rows.iter().map(|(at_us, _)| self.seconds(*at_us))))];
+        let mut columns: Vec<ArrayRef> = vec![Arc::new(Float64Array::from_iter_values(
+            rows.iter().map(|(at_us, _)| self.seconds(*at_us)),
+        ))];
         for column in 0..self.layout.names.len() {
             let values = rows.iter().map(|(_, row)| row.values.get(column).copied().flatten());
             columns.push(if self.layout.is_integer(column) {
-                Arc::new(values.map(|value| value.map(|value| value as i64)).collect::<Int64Array>())
+                Arc::new(
+                    values
+                        .map(|value| value.map(|value| value as i64))
+                        .collect::<Int64Array>(),
+                )
             } else {
                 Arc::new(values.collect::<Float64Array>())
             });
         }
-        columns.push(Arc::new(rows.iter().map(|(_, row)| row.camera.as_deref()).collect::<StringArray>()));
+        columns.push(Arc::new(
+            rows.iter()
+                .map(|(_, row)| row.camera.as_deref())
+                .collect::<StringArray>(),
+        ));
         self.writer.write(&RecordBatch::try_new(self.schema.clone(), columns)?)
     }
 

@@ -65,5 +65,7 @@ impl Punctuality {
 fn quantile_ms(samples_us: &mut [i64], share: f64) -> f64 {
     samples_us.sort_unstable();
     let rank = (share * samples_us.len() as f64).ceil() as usize;
-    samples_us.get(rank.saturating_sub(1)).map_or(0.0, |us| *us as f64 * 1e-3)
+    samples_us
+        .get(rank.saturating_sub(1))
+        .map_or(0.0, |us| *us as f64 * 1e-3)
 }

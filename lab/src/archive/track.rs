@@ -56,7 +56,11 @@ impl Track {
 
     /// The document, in the robots' order of the experiment.
     pub fn finish(self) -> Replay {
-        Replay { format: "robopheus.replay/1".into(), period_s: PERIOD_US as f64 * 1e-6, robots: self.robots }
+        Replay {
+            format: "robopheus.replay/1".into(),
+            period_s: PERIOD_US as f64 * 1e-6,
+            robots: self.robots,
+        }
     }
 
     fn newest_of(&mut self, number: u8) -> Option<&mut Option<([f64; 3], [f64; 2])>> {
