@@ -135,7 +135,11 @@ impl Programs {
 
     fn command(&self, name: &str) -> Command {
         let mut command = Command::new(self.folder.join(name));
-        command.current_dir(paths::root()).stdin(Stdio::null());
+        // Logs go to files, where colours are noise.
+        command
+            .current_dir(paths::root())
+            .stdin(Stdio::null())
+            .env("NO_COLOR", "1");
         command
     }
 
