@@ -116,11 +116,17 @@ pub async fn authorise(State(state): State<AppState>, mut request: Request, next
     if changes_something || is_websocket(request.headers()) {
         refuse_foreign_origin(&state, request.headers())?;
     }
-    let peer = request.extensions().get::<ConnectInfo<SocketAddr>>().map(|info| info.0.ip());
+    let peer = request
+        .extensions()
+        .get::<ConnectInfo<SocketAddr>>()
+        .map(|info| info.0.ip());
     let principal = principal(&state, request.headers(), peer).await?;
     if !rule.roles.iter().any(|role| principal.is(*role)) {
         let needed: Vec<_> = rule.roles.iter().map(|role| role.as_str()).collect();
-        return Err(ApiError::forbidden(format!("this route needs the role {}", needed.join(" or "))));
+        return Err(ApiError::forbidden(format!(
+            "this route needs the role {}",
+            needed.join(" or ")
+        )));
     }
     request.extensions_mut().insert(principal);
     Ok(next.run(request).await)
@@ -128,7 +134,10 @@ pub async fn authorise(State(state): State<AppState>, mut request: Request, next
 
 async fn principal(state: &AppState, headers: &HeaderMap, peer: Option<IpAddr>) -> Result<Principal, ApiError> {
     if let Some(token) = token_of(headers)? {
-        return state.principal_of_token(token).await?.ok_or_else(|| ApiError::unauthorized("the token is not known"));
+        return state
+            .principal_of_token(token)
+            .await?
+            .ok_or_else(|| ApiError::unauthorized("the token is not known"));
     }
     match state.local_user() {
         Some(local) if peer.is_some_and(|ip| ip.is_loopback()) => {
@@ -146,25 +155,42 @@ fn token_of(headers: &HeaderMap) -> Result<Option<&str>, ApiError> {
         let text = value.to_str().unwrap_or_default();
         return match text.split_once(' ') {
             Some((scheme, token)) if scheme.eq_ignore_ascii_case("bearer") => Ok(Some(token.trim())),
-            _ => Err(ApiError::unauthorized("the Authorization header is not `Bearer <token>`")),
+            _ => Err(ApiError::unauthorized(
+                "the Authorization header is not `Bearer <token>`",
+            )),
         };
     }
-    let offered = headers.get_all(header::SEC_WEBSOCKET_PROTOCOL).iter().filter_map(|value| value.to_str().ok());
-    Ok(offered.flat_map(|list| list.split(',')).find_map(|name| name.trim().strip_prefix(TOKEN_PROTOCOL_PREFIX)))
+    let offered = headers
+        .get_all(header::SEC_WEBSOCKET_PROTOCOL)
+        .iter()
+        .filter_map(|value| value.to_str().ok());
+    Ok(offered
+        .flat_map(|list| list.split(','))
+        .find_map(|name| name.trim().strip_prefix(TOKEN_PROTOCOL_PREFIX)))
 }
 
 fn host_of(headers: &HeaderMap) -> &str {
-    headers.get(header::HOST).and_then(|value| value.to_str().ok()).unwrap_or_default()
+    headers
+        .get(header::HOST)
+        .and_then(|value| value.to_str().ok())
+        .unwrap_or_default()
 }
 
 fn is_websocket(headers: &HeaderMap) -> bool {
-    headers.get(header::UPGRADE).is_some_and(|value| value.as_bytes().eq_ignore_ascii_case(b"websocket"))
+    headers
+        .get(header::UPGRADE)
+        .is_some_and(|value| value.as_bytes().eq_ignore_ascii_case(b"websocket"))
 }
 
 /// A browser names the page that makes it call; only our own pages may change something.
 fn refuse_foreign_origin(state: &AppState, headers: &HeaderMap) -> Result<(), ApiError> {
-    let Some(origin) = headers.get(header::ORIGIN) else { return Ok(()) };
-    let host = origin.to_str().ok().and_then(|text| text.strip_prefix("http://").or(text.strip_prefix("https://")));
+    let Some(origin) = headers.get(header::ORIGIN) else {
+        return Ok(());
+    };
+    let host = origin
+        .to_str()
+        .ok()
+        .and_then(|text| text.strip_prefix("http://").or(text.strip_prefix("https://")));
     match host {
         Some(host) if state.is_own_host(host) || (state.local_user().is_none() && host == host_of(headers)) => Ok(()),
         _ => Err(ApiError::foreign_origin()),
@@ -186,7 +212,11 @@ mod tests {
     fn the_table_has_no_route_twice_and_none_without_a_role() {
         for (index, rule) in RULES.iter().enumerate() {
             assert!(!rule.roles.is_empty(), "{} {}", rule.method, rule.path);
-            assert!(!RULES[..index].iter().any(|other| other.method == rule.method && other.path == rule.path));
+            assert!(
+                !RULES[..index]
+                    .iter()
+                    .any(|other| other.method == rule.method && other.path == rule.path)
+            );
         }
     }
 
@@ -194,7 +224,10 @@ mod tests {
     fn tokens_come_from_the_header_or_the_websocket_subprotocol() {
         let mut headers = HeaderMap::new();
         assert_eq!(token_of(&headers).ok().flatten(), None);
-        headers.insert(header::SEC_WEBSOCKET_PROTOCOL, "robopheus, bearer.abc".parse().expect("ascii"));
+        headers.insert(
+            header::SEC_WEBSOCKET_PROTOCOL,
+            "robopheus, bearer.abc".parse().expect("ascii"),
+        );
         assert_eq!(token_of(&headers).ok().flatten(), Some("abc"));
         headers.insert(header::AUTHORIZATION, "bearer xyz".parse().expect("ascii"));
         assert_eq!(token_of(&headers).ok().flatten(), Some("xyz"));

@@ -62,7 +62,9 @@ impl Contents {
                 Ok((bytes, sha256)) if bytes == sidecar.bytes && sha256 == sidecar.sha256 => {
                     return Ok(ArchiveFile { path, sha256 });
                 }
-                _ => tracing::warn!(run.id = %self.run, epoch = self.epoch, "archive is missing or damaged; building it again"),
+                _ => {
+                    tracing::warn!(run.id = %self.run, epoch = self.epoch, "archive is missing or damaged; building it again")
+                }
             }
         }
         let temporary = objects.temporary();
@@ -73,7 +75,11 @@ impl Contents {
         built?;
         let (bytes, sha256) = objects::sha256_of(&temporary)?;
         objects.publish(&temporary, &path)?;
-        let sidecar = Sidecar { members_sha256: self.members_sha256(), bytes, sha256: sha256.clone() };
+        let sidecar = Sidecar {
+            members_sha256: self.members_sha256(),
+            bytes,
+            sha256: sha256.clone(),
+        };
         let text = serde_json::to_string(&sidecar).map_err(|error| AppError::Internal(error.to_string()))?;
         std::fs::write(&temporary, text)?;
         objects.publish(&temporary, &sidecar_path)?;
@@ -103,7 +109,7 @@ impl Contents {
     fn write(&self, objects: &ObjectFolder, target: &Path) -> Result<(), AppError> {
         let mut zip = ZipWriter::new(BufWriter::new(File::create_new(target)?));
         let members = self.members();
-        if !members.first().is_some_and(|member| member.name == MANIFEST) {
+        if members.first().is_none_or(|member| member.name != MANIFEST) {
             let views: Vec<_> = self.files.iter().map(view).collect();
             let manifest = ServiceManifest {
                 format: "robopheus.archive/1",
@@ -114,7 +120,8 @@ impl Contents {
                 files: &views,
             };
             let text = serde_json::to_vec_pretty(&manifest).map_err(|error| AppError::Internal(error.to_string()))?;
-            zip.start_file(MANIFEST, options(MANIFEST, text.len() as u64)).map_err(zip_error)?;
+            zip.start_file(MANIFEST, options(MANIFEST, text.len() as u64))
+                .map_err(zip_error)?;
             zip.write_all(&text)?;
         }
         for member in members {
@@ -132,9 +139,12 @@ fn add<W: Write + std::io::Seek>(
     objects: &ObjectFolder,
     member: &FileRecord,
 ) -> Result<(), AppError> {
-    let damaged = || AppError::Corrupt { what: member.name.clone() };
+    let damaged = || AppError::Corrupt {
+        what: member.name.clone(),
+    };
     let mut file = File::open(objects.path_of(&member.object_path)?).map_err(|_| damaged())?;
-    zip.start_file(&member.name, options(&member.name, file.metadata()?.len())).map_err(zip_error)?;
+    zip.start_file(&member.name, options(&member.name, file.metadata()?.len()))
+        .map_err(zip_error)?;
     let mut hasher = Sha256::new();
     let mut buffer = vec![0; 128 * 1024];
     loop {
@@ -145,7 +155,11 @@ fn add<W: Write + std::io::Seek>(
         hasher.update(&buffer[..count]);
         zip.write_all(&buffer[..count])?;
     }
-    if objects::hex(&hasher.finalize()) == member.sha256 { Ok(()) } else { Err(damaged()) }
+    if objects::hex(&hasher.finalize()) == member.sha256 {
+        Ok(())
+    } else {
+        Err(damaged())
+    }
 }
 
 /// The wire view of a stored file.
@@ -161,7 +175,11 @@ pub fn view(file: &FileRecord) -> FileView {
 /// No clock and no modes of this machine: the same members give the same archive.
 fn options(name: &str, bytes: u64) -> SimpleFileOptions {
     let packed = PACKED.contains(&name.rsplit('.').next().unwrap_or_default());
-    let method = if packed { CompressionMethod::Stored } else { CompressionMethod::Deflated };
+    let method = if packed {
+        CompressionMethod::Stored
+    } else {
+        CompressionMethod::Deflated
+    };
     SimpleFileOptions::default()
         .compression_method(method)
         .last_modified_time(zip::DateTime::default())
@@ -185,7 +203,9 @@ mod tests {
             std::fs::write(&temporary, bytes).expect("temporary file");
             let (length, sha256) = objects::sha256_of(&temporary).expect("readable");
             let object_path = ObjectFolder::object_path(run, 1, name, &sha256);
-            objects.publish(&temporary, &objects.path_of(&object_path).expect("inside")).expect("published");
+            objects
+                .publish(&temporary, &objects.path_of(&object_path).expect("inside"))
+                .expect("published");
             views.push(FileRecord {
                 object_path,
                 name: (*name).to_owned(),
@@ -194,7 +214,11 @@ mod tests {
                 media_type: objects::media_type(name).to_owned(),
             });
         }
-        Contents { run, epoch: 1, files: views }
+        Contents {
+            run,
+            epoch: 1,
+            files: views,
+        }
     }
 
     fn folder() -> (PathBuf, ObjectFolder) {
@@ -205,12 +229,21 @@ mod tests {
     #[test]
     fn the_manifest_comes_first_and_two_builds_are_equal() {
         let (root, objects) = folder();
-        let contents = contents(&objects, &[("log.txt", b"hello"), ("manifest.json", b"{}"), ("robots/a/run.json", b"[]")]);
+        let contents = contents(
+            &objects,
+            &[
+                ("log.txt", b"hello"),
+                ("manifest.json", b"{}"),
+                ("robots/a/run.json", b"[]"),
+            ],
+        );
         let first = contents.archive(&objects).expect("built");
         std::fs::remove_file(&first.path).expect("removed");
         assert_eq!(contents.archive(&objects).expect("built again"), first);
         let mut zip = zip::ZipArchive::new(File::open(&first.path).expect("there")).expect("a zip");
-        let names: Vec<_> = (0..zip.len()).map(|i| zip.by_index(i).expect("member").name().expect("name").into_owned()).collect();
+        let names: Vec<_> = (0..zip.len())
+            .map(|i| zip.by_index(i).expect("member").name().expect("name").into_owned())
+            .collect();
         assert_eq!(names, ["manifest.json", "log.txt", "robots/a/run.json"]);
         std::fs::remove_dir_all(root).expect("cleared");
     }
@@ -228,7 +261,11 @@ mod tests {
             assert_eq!(contents.archive(&objects).expect("healed"), good);
             assert_eq!(std::fs::read(&good.path).expect("read"), bytes);
         }
-        let log = contents.files.iter().find(|file| file.name == "log.txt").expect("there");
+        let log = contents
+            .files
+            .iter()
+            .find(|file| file.name == "log.txt")
+            .expect("there");
         std::fs::write(objects.path_of(&log.object_path).expect("inside"), b"a line of the lag").expect("damaged");
         std::fs::remove_file(&good.path).expect("removed");
         assert!(matches!(contents.archive(&objects), Err(AppError::Corrupt { what }) if what == "log.txt"));

@@ -61,7 +61,11 @@ pub fn write_whole(path: &Path, text: &str, mode: u32) -> std::io::Result<()> {
     let folder = path.parent().unwrap_or(Path::new("."));
     std::fs::create_dir_all(folder)?;
     let temporary = folder.join(format!(".{}.tmp", uuid::Uuid::now_v7()));
-    let mut file = std::fs::OpenOptions::new().write(true).create_new(true).mode(mode).open(&temporary)?;
+    let mut file = std::fs::OpenOptions::new()
+        .write(true)
+        .create_new(true)
+        .mode(mode)
+        .open(&temporary)?;
     file.write_all(text.as_bytes())?;
     file.sync_all()?;
     std::fs::rename(&temporary, path)?;
@@ -74,7 +78,9 @@ mod tests {
     use clap::Parser as _;
 
     fn parse(arguments: &[&str]) -> Config {
-        let all = ["robopheus-server", "--database-url", "postgres://x"].iter().chain(arguments);
+        let all = ["robopheus-server", "--database-url", "postgres://x"]
+            .iter()
+            .chain(arguments);
         Config::try_parse_from(all).expect("valid flags")
     }
 

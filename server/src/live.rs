@@ -57,7 +57,10 @@ impl LiveHub {
     pub fn watch(&self, run: Uuid) -> Watch {
         let mut runs = self.lock();
         let channel = runs.channel(run);
-        Watch { latest: channel.latest.clone(), frames: channel.sender.subscribe() }
+        Watch {
+            latest: channel.latest.clone(),
+            frames: channel.sender.subscribe(),
+        }
     }
 
     /// Ends the channel of a run: its watchers see the end of the stream.
@@ -74,7 +77,11 @@ impl Runs {
     fn channel(&mut self, run: Uuid) -> &mut Channel {
         self.clock += 1;
         if !self.channels.contains_key(&run) && self.channels.len() >= RUNS_KEPT {
-            let idle = self.channels.iter().min_by_key(|(_, channel)| channel.used_at).map(|(run, _)| *run);
+            let idle = self
+                .channels
+                .iter()
+                .min_by_key(|(_, channel)| channel.used_at)
+                .map(|(run, _)| *run);
             idle.and_then(|run| self.channels.remove(&run));
         }
         let channel = self.channels.entry(run).or_insert_with(|| Channel {
@@ -102,8 +109,14 @@ mod tests {
             assert!(hub.publish(run, 1, format!("{tick}").into()));
         }
         assert!(matches!(watch.frames.recv().await, Err(RecvError::Lagged(68))));
-        assert_eq!(watch.frames.recv().await.map(|text| text.to_string()), Ok("68".to_owned()));
-        assert_eq!(hub.watch(run).latest.map(|text| text.to_string()), Some("99".to_owned()));
+        assert_eq!(
+            watch.frames.recv().await.map(|text| text.to_string()),
+            Ok("68".to_owned())
+        );
+        assert_eq!(
+            hub.watch(run).latest.map(|text| text.to_string()),
+            Some("99".to_owned())
+        );
     }
 
     #[tokio::test]
@@ -113,7 +126,10 @@ mod tests {
         let mut watch = hub.watch(run);
         assert!(hub.publish(run, 7, "new".into()));
         assert!(!hub.publish(run, 6, "old".into()));
-        assert_eq!(watch.frames.try_recv().map(|text| text.to_string()), Ok("new".to_owned()));
+        assert_eq!(
+            watch.frames.try_recv().map(|text| text.to_string()),
+            Ok("new".to_owned())
+        );
         assert!(matches!(watch.frames.try_recv(), Err(TryRecvError::Empty)));
         hub.close(run);
         assert!(matches!(watch.frames.try_recv(), Err(TryRecvError::Closed)));

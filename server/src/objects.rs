@@ -51,11 +51,15 @@ impl ObjectFolder {
 
     /// Where an object lies on this machine; refuses a path that would leave the folder.
     pub fn path_of(&self, object_path: &str) -> Result<PathBuf, AppError> {
-        let normal = Path::new(object_path).components().all(|part| matches!(part, Component::Normal(_)));
+        let normal = Path::new(object_path)
+            .components()
+            .all(|part| matches!(part, Component::Normal(_)));
         if normal && !object_path.is_empty() {
             Ok(self.root.join(object_path))
         } else {
-            Err(AppError::Internal(format!("object path {object_path:?} leaves the folder")))
+            Err(AppError::Internal(format!(
+                "object path {object_path:?} leaves the folder"
+            )))
         }
     }
 
@@ -81,7 +85,11 @@ impl ObjectFolder {
             std::fs::create_dir_all(parent)?;
         }
         std::fs::rename(temporary, target)?;
-        for path in target.parent().into_iter().chain(made.iter().filter_map(|path| path.parent())) {
+        for path in target
+            .parent()
+            .into_iter()
+            .chain(made.iter().filter_map(|path| path.parent()))
+        {
             std::fs::File::open(path)?.sync_all()?;
         }
         Ok(())
@@ -93,7 +101,10 @@ pub fn check_name(name: &str) -> Result<(), &'static str> {
     if name.is_empty() || name.len() > NAME_LIMIT_BYTES {
         return Err("a name has 1 to 200 characters");
     }
-    if !name.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"._-/".contains(&byte)) {
+    if !name
+        .bytes()
+        .all(|byte| byte.is_ascii_alphanumeric() || b"._-/".contains(&byte))
+    {
         return Err("a name has only ASCII letters, digits and `._-/`");
     }
     let parts: Vec<_> = name.split('/').collect();
@@ -138,8 +149,13 @@ pub fn sha256_of(path: &Path) -> std::io::Result<(u64, String)> {
 
 /// Refuses a file whose bytes are not those that were stored.
 pub async fn verify(path: PathBuf, bytes: i64, sha256: String) -> Result<(), AppError> {
-    let what = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-    let found = tokio::task::spawn_blocking(move || sha256_of(&path)).await.map_err(|e| AppError::Internal(e.to_string()))?;
+    let what = path
+        .file_name()
+        .map(|name| name.to_string_lossy().into_owned())
+        .unwrap_or_default();
+    let found = tokio::task::spawn_blocking(move || sha256_of(&path))
+        .await
+        .map_err(|e| AppError::Internal(e.to_string()))?;
     match found {
         Ok((length, found)) if i64::try_from(length) == Ok(bytes) && found == sha256 => Ok(()),
         Ok(_) => Err(AppError::Corrupt { what }),
@@ -163,9 +179,23 @@ mod tests {
             assert_eq!(check_name(good), Ok(()), "{good}");
         }
         let long = "a".repeat(201);
-        for bad in
-            ["", "/etc/passwd", "../x", "a/../b", "a//b", "a/", ".hidden", "a/.b", "a\\b", "a\0b", "ü.json", "a b", "archive.zip", long.as_str(), "a/b/c/d/e/f/g"]
-        {
+        for bad in [
+            "",
+            "/etc/passwd",
+            "../x",
+            "a/../b",
+            "a//b",
+            "a/",
+            ".hidden",
+            "a/.b",
+            "a\\b",
+            "a\0b",
+            "ü.json",
+            "a b",
+            "archive.zip",
+            long.as_str(),
+            "a/b/c/d/e/f/g",
+        ] {
             assert!(check_name(bad).is_err(), "{bad}");
         }
     }

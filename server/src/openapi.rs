@@ -1,6 +1,8 @@
 //! The OpenAPI document, from the handlers' annotations.
 
-use crate::http::{archives, arenas, docs, events, experiments, health, lab, lab_files, lab_stream, live, models, robots, runs};
+use crate::http::{
+    archives, arenas, docs, events, experiments, health, lab, lab_files, lab_stream, live, models, robots, runs,
+};
 use std::sync::LazyLock;
 use utoipa::OpenApi;
 use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityScheme};
@@ -29,7 +31,10 @@ struct Tokens;
 impl utoipa::Modify for Tokens {
     fn modify(&self, document: &mut utoipa::openapi::OpenApi) {
         let scheme = HttpBuilder::new().scheme(HttpAuthScheme::Bearer).build();
-        document.components.get_or_insert_default().add_security_scheme("token", SecurityScheme::Http(scheme));
+        document
+            .components
+            .get_or_insert_default()
+            .add_security_scheme("token", SecurityScheme::Http(scheme));
     }
 }
 

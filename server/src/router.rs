@@ -1,7 +1,10 @@
 //! Every route, grouped by who calls it. Who may is in `access.rs`.
 
 use crate::access;
-use crate::http::{archives, arenas, docs, events, experiments, headers, health, lab, lab_files, lab_stream, live, models, pages, problem, robots, runs};
+use crate::http::{
+    archives, arenas, docs, events, experiments, headers, health, lab, lab_files, lab_stream, live, models, pages,
+    problem, robots, runs,
+};
 use crate::state::AppState;
 use axum::Router;
 use axum::middleware::{from_fn, from_fn_with_state};

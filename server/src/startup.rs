@@ -26,10 +26,15 @@ const CONNECTIONS: u32 = 10;
 /// Runs until `shutdown` is cancelled.
 pub async fn run(config: Config, shutdown: CancellationToken) -> anyhow::Result<()> {
     config.check()?;
-    let objects = ObjectFolder::open(config.objects()).with_context(|| format!("open {}", config.objects().display()))?;
-    let listener = TcpListener::bind(config.listen).await.with_context(|| format!("listen on {}", config.listen))?;
+    let objects =
+        ObjectFolder::open(config.objects()).with_context(|| format!("open {}", config.objects().display()))?;
+    let listener = TcpListener::bind(config.listen)
+        .await
+        .with_context(|| format!("listen on {}", config.listen))?;
     let address = listener.local_addr().context("own address")?;
-    let Some(store) = database(&config, &shutdown).await? else { return Ok(()) };
+    let Some(store) = database(&config, &shutdown).await? else {
+        return Ok(());
+    };
     tokens::ensure(&store, &config.tokens()).await?;
     let state = AppState::new(StateParts {
         store: store.clone(),
@@ -88,7 +93,9 @@ async fn serve(listener: TcpListener, state: AppState, shutdown: &CancellationTo
             tracing::debug!(%error, "cannot set TCP_NODELAY");
         }
     });
-    let server = axum::serve(listener, service).with_graceful_shutdown(shutdown.clone().cancelled_owned()).into_future();
+    let server = axum::serve(listener, service)
+        .with_graceful_shutdown(shutdown.clone().cancelled_owned())
+        .into_future();
     tokio::select! {
         ended = server => ended.context("serve"),
         () = async { shutdown.cancelled().await; tokio::time::sleep(GRACE).await } => {

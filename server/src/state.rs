@@ -45,9 +45,14 @@ pub struct StateParts {
 
 impl AppState {
     pub fn new(parts: StateParts) -> Self {
-        let local = Principal { name: LOCAL_USER.to_owned(), roles: vec![Role::User, Role::Operator] };
-        let mut own_hosts: Vec<_> =
-            ["127.0.0.1", "localhost", "[::1]"].iter().map(|name| format!("{name}:{}", parts.port)).collect();
+        let local = Principal {
+            name: LOCAL_USER.to_owned(),
+            roles: vec![Role::User, Role::Operator],
+        };
+        let mut own_hosts: Vec<_> = ["127.0.0.1", "localhost", "[::1]"]
+            .iter()
+            .map(|name| format!("{name}:{}", parts.port))
+            .collect();
         if parts.port == 80 {
             own_hosts.extend(["127.0.0.1", "localhost", "[::1]"].map(str::to_owned));
         }
@@ -92,7 +97,10 @@ impl AppState {
 
     pub async fn principal_of_token(&self, token: &str) -> Result<Option<Principal>, AppError> {
         let found = self.0.store.token_lookup(token).await?;
-        Ok(found.map(|found| Principal { name: found.user, roles: vec![found.role] }))
+        Ok(found.map(|found| Principal {
+            name: found.user,
+            roles: vec![found.role],
+        }))
     }
 
     /// A place among the watchers, or nothing when all are taken.

@@ -14,15 +14,25 @@ pub async fn get(state: &AppState, run: &RunView) -> Result<ArchiveFile, AppErro
     if !run.state.is_terminal() {
         return Err(AppError::Conflict {
             code: "archive_not_ready",
-            detail: format!("the run is `{}`; its archive is made when it has ended", run.state.as_str()),
+            detail: format!(
+                "the run is `{}`; its archive is made when it has ended",
+                run.state.as_str()
+            ),
         });
     }
     let mut files = state.store().run_files(run.id).await?;
     files.retain(|file| !PAGE_FILES.contains(&file.name.as_str()));
     if files.is_empty() {
-        return Err(AppError::NotFound { noun: "archive of run", id: run.id.to_string() });
+        return Err(AppError::NotFound {
+            noun: "archive of run",
+            id: run.id.to_string(),
+        });
     }
-    let contents = Contents { run: run.id, epoch: run.epoch, files };
+    let contents = Contents {
+        run: run.id,
+        epoch: run.epoch,
+        files,
+    };
     let objects = state.objects().clone();
     let _one_at_a_time = state.archive_gate().lock().await;
     tokio::task::spawn_blocking(move || contents.archive(&objects))

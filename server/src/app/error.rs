@@ -8,7 +8,11 @@ pub enum AppError {
     #[error("there is no {noun} {id}")]
     NotFound { noun: &'static str, id: String },
     #[error("{detail}")]
-    Invalid { code: &'static str, detail: String, errors: Vec<FieldProblem> },
+    Invalid {
+        code: &'static str,
+        detail: String,
+        errors: Vec<FieldProblem>,
+    },
     #[error("{detail}")]
     Conflict { code: &'static str, detail: String },
     #[error("larger than {limit_bytes} bytes")]
@@ -25,7 +29,10 @@ pub enum AppError {
 
 impl AppError {
     pub fn not_found(noun: &'static str, id: impl ToString) -> Self {
-        Self::NotFound { noun, id: id.to_string() }
+        Self::NotFound {
+            noun,
+            id: id.to_string(),
+        }
     }
 }
 
@@ -43,10 +50,23 @@ impl From<store::StoreError> for AppError {
             return Self::DatabaseUnavailable;
         }
         match error {
-            E::RunEnded => Self::Conflict { code: "run_ended", detail: error.to_string() },
-            E::TransitionRefused(_) => Self::Conflict { code: "transition_refused", detail: error.to_string() },
-            E::Constraint(_) => Self::Conflict { code: "rule_broken", detail: error.to_string() },
-            E::OutOfRange { .. } => Self::Invalid { code: "out_of_range", detail: error.to_string(), errors: Vec::new() },
+            E::RunEnded => Self::Conflict {
+                code: "run_ended",
+                detail: error.to_string(),
+            },
+            E::TransitionRefused(_) => Self::Conflict {
+                code: "transition_refused",
+                detail: error.to_string(),
+            },
+            E::Constraint(_) => Self::Conflict {
+                code: "rule_broken",
+                detail: error.to_string(),
+            },
+            E::OutOfRange { .. } => Self::Invalid {
+                code: "out_of_range",
+                detail: error.to_string(),
+                errors: Vec::new(),
+            },
             other => Self::Internal(chain(&other)),
         }
     }

@@ -34,16 +34,38 @@ pub enum Accepted {
 }
 
 pub async fn submit(store: &Store, principal: &Principal, submission: Submission) -> Result<Accepted, AppError> {
-    let Submission { request, idempotency_key, request_hash } = submission;
-    let laboratory = Laboratory { robots: store.robot_list().await?, arenas: store.arena_list().await? };
-    let models = if request.experiment.model.is_some() { store.model_list().await? } else { Vec::new() };
+    let Submission {
+        request,
+        idempotency_key,
+        request_hash,
+    } = submission;
+    let laboratory = Laboratory {
+        robots: store.robot_list().await?,
+        arenas: store.arena_list().await?,
+    };
+    let models = if request.experiment.model.is_some() {
+        store.model_list().await?
+    } else {
+        Vec::new()
+    };
     let mut errors = problems(&request, &laboratory, &models);
     if !errors.is_empty() {
         let count = errors.len();
         errors.truncate(PROBLEMS_LIMIT);
-        let first = errors.first().map(|first| format!("{}: {}", first.field, first.message)).unwrap_or_default();
-        let more = if count > 1 { format!(" (and {} more)", count - 1) } else { String::new() };
-        return Err(AppError::Invalid { code: "invalid_experiment", detail: format!("{first}{more}"), errors });
+        let first = errors
+            .first()
+            .map(|first| format!("{}: {}", first.field, first.message))
+            .unwrap_or_default();
+        let more = if count > 1 {
+            format!(" (and {} more)", count - 1)
+        } else {
+            String::new()
+        };
+        return Err(AppError::Invalid {
+            code: "invalid_experiment",
+            detail: format!("{first}{more}"),
+            errors,
+        });
     }
     let stored = store
         .experiment_submit(NewSubmission {
@@ -107,7 +129,10 @@ fn check_envelope(request: &SubmitRequest, found: &mut Vec<FieldProblem>) {
         ));
     }
     if let Some(claim) = &request.claim {
-        let is_hex = claim.digest.bytes().all(|byte| byte.is_ascii_digit() || (b'a'..=b'f').contains(&byte));
+        let is_hex = claim
+            .digest
+            .bytes()
+            .all(|byte| byte.is_ascii_digit() || (b'a'..=b'f').contains(&byte));
         if claim.digest.len() != 32 || !is_hex {
             found.push(problem(
                 "claim.digest",
@@ -117,10 +142,20 @@ fn check_envelope(request: &SubmitRequest, found: &mut Vec<FieldProblem>) {
             ));
         }
         if claim.twin_version.is_empty() || claim.twin_version.len() > 64 {
-            found.push(problem("claim.twin_version", "the version is empty or too long", "1 to 64 characters", "send the twin's version"));
+            found.push(problem(
+                "claim.twin_version",
+                "the version is empty or too long",
+                "1 to 64 characters",
+                "send the twin's version",
+            ));
         }
         if !["browser", "client"].contains(&claim.engine.as_str()) {
-            found.push(problem("claim.engine", format!("{:?} is not known", claim.engine), "browser, client", "use one of these"));
+            found.push(problem(
+                "claim.engine",
+                format!("{:?} is not known", claim.engine),
+                "browser, client",
+                "use one of these",
+            ));
         }
     }
 }
@@ -141,28 +176,51 @@ fn check_offer(request: &SubmitRequest, models: &[Model], found: &mut Vec<FieldP
             "set the mode to `physical`; every experiment is simulated in the twin before it is queued",
         ));
     }
-    if let Some(wanted) = &experiment.model {
-        if !models.iter().any(|model| &model.version == wanted || model.id.to_string() == *wanted) {
-            let known: Vec<_> = models.iter().map(|model| model.version.as_str()).collect();
-            found.push(problem(
-                "model",
-                format!("there is no model {wanted:?}"),
-                if known.is_empty() { "null (no model is published yet)".to_owned() } else { format!("null, {}", known.join(", ")) },
-                "leave it null for the nominal twin",
-            ));
-        }
+    if let Some(wanted) = &experiment.model
+        && !models
+            .iter()
+            .any(|model| &model.version == wanted || model.id.to_string() == *wanted)
+    {
+        let known: Vec<_> = models.iter().map(|model| model.version.as_str()).collect();
+        found.push(problem(
+            "model",
+            format!("there is no model {wanted:?}"),
+            if known.is_empty() {
+                "null (no model is published yet)".to_owned()
+            } else {
+                format!("null, {}", known.join(", "))
+            },
+            "leave it null for the nominal twin",
+        ));
     }
 }
 
 /// The rules of `control`, applied to the laboratory as it is registered.
 fn check_rules(request: &SubmitRequest, laboratory: &Laboratory, found: &mut Vec<FieldProblem>) {
     let experiment = &request.experiment;
-    let Some(arena) = laboratory.arenas.iter().find(|arena| arena.arena.name == experiment.arena) else {
-        let names: Vec<_> = laboratory.arenas.iter().map(|arena| arena.arena.name.as_str()).collect();
-        found.push(problem("arena", format!("there is no arena {:?}", experiment.arena), list_of(&names), "name an arena of this service"));
+    let Some(arena) = laboratory
+        .arenas
+        .iter()
+        .find(|arena| arena.arena.name == experiment.arena)
+    else {
+        let names: Vec<_> = laboratory
+            .arenas
+            .iter()
+            .map(|arena| arena.arena.name.as_str())
+            .collect();
+        found.push(problem(
+            "arena",
+            format!("there is no arena {:?}", experiment.arena),
+            list_of(&names),
+            "name an arena of this service",
+        ));
         return;
     };
-    let here: Vec<_> = laboratory.robots.iter().filter(|robot| robot.arena == experiment.arena).collect();
+    let here: Vec<_> = laboratory
+        .robots
+        .iter()
+        .filter(|robot| robot.arena == experiment.arena)
+        .collect();
     let mut robots = Vec::new();
     let mut unknown = Vec::new();
     for (index, wanted) in experiment.robots.iter().enumerate() {
@@ -178,12 +236,18 @@ fn check_rules(request: &SubmitRequest, laboratory: &Laboratory, found: &mut Vec
     for index in &unknown {
         found.push(problem(
             format!("robots[{index}].name"),
-            format!("the arena {:?} has no robot {:?}", experiment.arena, experiment.robots[*index].name),
+            format!(
+                "the arena {:?} has no robot {:?}",
+                experiment.arena, experiment.robots[*index].name
+            ),
             list_of(&names),
             "name a robot of the arena",
         ));
     }
-    let told: Vec<_> = unknown.iter().flat_map(|i| ["name", "chassis", "controller"].map(|f| format!("robots[{i}].{f}"))).collect();
+    let told: Vec<_> = unknown
+        .iter()
+        .flat_map(|i| ["name", "chassis", "controller"].map(|f| format!("robots[{i}].{f}")))
+        .collect();
     let scenario = serde_json::json!({"experiment": experiment, "robots": robots, "arena": arena.arena});
     let rules = match Scenario::parse(&scenario.to_string()) {
         Ok(scenario) => scenario.check(),
@@ -196,7 +260,11 @@ fn check_rules(request: &SubmitRequest, laboratory: &Laboratory, found: &mut Vec
 }
 
 fn list_of(names: &[&str]) -> String {
-    if names.is_empty() { "none is registered yet".to_owned() } else { names.join(", ") }
+    if names.is_empty() {
+        "none is registered yet".to_owned()
+    } else {
+        names.join(", ")
+    }
 }
 
 fn problem(
@@ -205,5 +273,10 @@ fn problem(
     limit: impl Into<String>,
     remedy: impl Into<String>,
 ) -> FieldProblem {
-    FieldProblem { field: field.into(), message: message.into(), limit: limit.into(), remedy: remedy.into() }
+    FieldProblem {
+        field: field.into(),
+        message: message.into(),
+        limit: limit.into(),
+        remedy: remedy.into(),
+    }
 }

@@ -35,7 +35,11 @@ where
     S: Stream<Item = Result<Bytes, E>> + Unpin,
 {
     objects::check_name(&upload.name).map_err(|limit| bad("name", &format!("`{}` is refused", upload.name), limit))?;
-    let run = state.store().run_get(upload.run).await?.ok_or_else(|| AppError::not_found("run", upload.run))?;
+    let run = state
+        .store()
+        .run_get(upload.run)
+        .await?
+        .ok_or_else(|| AppError::not_found("run", upload.run))?;
     fence(&run, upload.epoch)?;
     let temporary = state.objects().temporary();
     let received = receive(&temporary, body).await;
@@ -62,24 +66,45 @@ where
 
 /// A file's record, whole on disk: its bytes are checked against the database on every request.
 pub async fn get(state: &AppState, run: &RunView, name: &str) -> Result<FileRecord, AppError> {
-    let file = state.store().run_file_get(run.id, name).await?.ok_or_else(|| AppError::not_found("file", name))?;
-    objects::verify(state.objects().path_of(&file.object_path)?, file.bytes, file.sha256.clone()).await?;
+    let file = state
+        .store()
+        .run_file_get(run.id, name)
+        .await?
+        .ok_or_else(|| AppError::not_found("file", name))?;
+    objects::verify(
+        state.objects().path_of(&file.object_path)?,
+        file.bytes,
+        file.sha256.clone(),
+    )
+    .await?;
     Ok(file)
 }
 
 /// The laboratory holds an attempt that has been replaced.
 pub fn stale_epoch() -> AppError {
-    AppError::Conflict { code: "stale_epoch", detail: "this attempt has been replaced; nothing was written".to_owned() }
+    AppError::Conflict {
+        code: "stale_epoch",
+        detail: "this attempt has been replaced; nothing was written".to_owned(),
+    }
 }
 
 /// Spares a stale sender the upload; the store decides again when the row is written.
 fn fence(run: &RunView, epoch: i64) -> Result<(), AppError> {
     let has_lab = matches!(
         run.state,
-        RunState::Preparing | RunState::Running | RunState::Uploading | RunState::Done | RunState::Failed
-            | RunState::Cancelled | RunState::Interrupted
+        RunState::Preparing
+            | RunState::Running
+            | RunState::Uploading
+            | RunState::Done
+            | RunState::Failed
+            | RunState::Cancelled
+            | RunState::Interrupted
     );
-    if epoch == run.epoch && epoch > 0 && has_lab { Ok(()) } else { Err(stale_epoch()) }
+    if epoch == run.epoch && epoch > 0 && has_lab {
+        Ok(())
+    } else {
+        Err(stale_epoch())
+    }
 }
 
 struct Received {
@@ -102,16 +127,26 @@ where
         };
         bytes += chunk.len() as u64;
         if bytes > FILE_LIMIT_BYTES {
-            return Err(AppError::TooLarge { limit_bytes: FILE_LIMIT_BYTES });
+            return Err(AppError::TooLarge {
+                limit_bytes: FILE_LIMIT_BYTES,
+            });
         }
         hasher.update(&chunk);
         file.write_all(&chunk).await?;
     }
     file.flush().await?;
-    Ok(Received { bytes, sha256: objects::hex(&hasher.finalize()) })
+    Ok(Received {
+        bytes,
+        sha256: objects::hex(&hasher.finalize()),
+    })
 }
 
-async fn keep(objects: &ObjectFolder, temporary: &Path, upload: &Upload, received: Received) -> Result<FileRecord, AppError> {
+async fn keep(
+    objects: &ObjectFolder,
+    temporary: &Path,
+    upload: &Upload,
+    received: Received,
+) -> Result<FileRecord, AppError> {
     if received.sha256 != upload.sha256 {
         let message = format!("the body's SHA-256 is {}", received.sha256);
         return Err(AppError::Invalid {

@@ -24,6 +24,8 @@ pub async fn look(state: &AppState) -> HealthView {
         version: env!("CARGO_PKG_VERSION"),
         twin_version: twin::VERSION,
         database_reachable: arenas.is_ok(),
-        lab_connected: arenas.ok().map(|arenas| arenas.iter().any(|arena| arena.state != "offline")),
+        lab_connected: arenas
+            .ok()
+            .map(|arenas| arenas.iter().any(|arena| arena.state != "offline")),
     }
 }

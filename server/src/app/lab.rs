@@ -26,15 +26,26 @@ pub async fn register(state: &AppState, lab: &LabDescription) -> Result<(), AppE
     }
     for (index, robot) in lab.robots.iter().enumerate() {
         let name = &robot.description.name;
-        if lab.robots[..index].iter().any(|other| other.number == robot.number || &other.description.name == name) {
-            return Err(invalid(&format!("robots[{index}]"), name, "numbers and names that occur once"));
+        if lab.robots[..index]
+            .iter()
+            .any(|other| other.number == robot.number || &other.description.name == name)
+        {
+            return Err(invalid(
+                &format!("robots[{index}]"),
+                name,
+                "numbers and names that occur once",
+            ));
         }
     }
     Ok(state.store().lab_register(lab).await?)
 }
 
 pub async fn status(state: &AppState, status: &LabStatus) -> Result<(), AppError> {
-    if state.store().lab_status_put(status).await? { Ok(()) } else { Err(AppError::not_found("laboratory", &status.lab)) }
+    if state.store().lab_status_put(status).await? {
+        Ok(())
+    } else {
+        Err(AppError::not_found("laboratory", &status.lab))
+    }
 }
 
 /// The next run for this laboratory, waiting for one as long as the laboratory wishes.
@@ -42,7 +53,11 @@ pub async fn claim(state: &AppState, request: &ClaimRequest) -> Result<Option<As
     let wait = Duration::try_from_secs_f64(request.wait_s)
         .map_err(|_| invalid("wait_s", &request.wait_s.to_string(), "0 to 30 s"))?
         .min(WAIT_LIMIT);
-    let claim = Claim { lab: request.lab.clone(), arena: request.arena.clone(), instance: request.instance };
+    let claim = Claim {
+        lab: request.lab.clone(),
+        arena: request.arena.clone(),
+        instance: request.instance,
+    };
     let deadline = Instant::now() + wait;
     let mut changes = state.store().listen(); // interest first, then the query: nothing is missed in between
     loop {
@@ -74,9 +89,16 @@ pub async fn any_change(changes: &mut Receiver<Change>) {
 }
 
 pub async fn heartbeat(state: &AppState, run_id: Uuid, beat: &Heartbeat) -> Result<HeartbeatReply, AppError> {
-    let fence = Fence { run_id, epoch: beat.epoch, instance: beat.instance };
+    let fence = Fence {
+        run_id,
+        epoch: beat.epoch,
+        instance: beat.instance,
+    };
     match state.store().run_heartbeat(fence, LEASE).await? {
-        Beat::Ok { cancel_requested } => Ok(HeartbeatReply { lease_s: LEASE.as_secs_f64(), cancel_requested }),
+        Beat::Ok { cancel_requested } => Ok(HeartbeatReply {
+            lease_s: LEASE.as_secs_f64(),
+            cancel_requested,
+        }),
         Beat::Stale => Err(stale_epoch()),
     }
 }
@@ -89,7 +111,11 @@ pub async fn report(state: &AppState, run_id: Uuid, report: &StateReport) -> Res
         Reported::NotAllowed { from } => {
             return Err(AppError::Conflict {
                 code: "transition_refused",
-                detail: format!("a run that is `{}` does not become `{}`", from.as_str(), report.state.as_str()),
+                detail: format!(
+                    "a run that is `{}` does not become `{}`",
+                    from.as_str(),
+                    report.state.as_str()
+                ),
             });
         }
     }
@@ -97,7 +123,11 @@ pub async fn report(state: &AppState, run_id: Uuid, report: &StateReport) -> Res
     if report.state.is_terminal() {
         ended(state, run_id);
     }
-    state.store().run_get(run_id).await?.ok_or_else(|| AppError::not_found("run", run_id))
+    state
+        .store()
+        .run_get(run_id)
+        .await?
+        .ok_or_else(|| AppError::not_found("run", run_id))
 }
 
 /// Closes an attempt that a crashed laboratory left behind. Its files are still accepted.
@@ -108,7 +138,11 @@ pub async fn salvage(state: &AppState, run_id: Uuid, epoch: i64, fault: &Fault) 
             if now.is_terminal() {
                 ended(state, run_id);
             }
-            state.store().run_get(run_id).await?.ok_or_else(|| AppError::not_found("run", run_id))
+            state
+                .store()
+                .run_get(run_id)
+                .await?
+                .ok_or_else(|| AppError::not_found("run", run_id))
         }
         Salvaged::Stale => Err(stale_epoch()),
     }

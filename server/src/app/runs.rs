@@ -8,7 +8,10 @@ use uuid::Uuid;
 
 /// A run, if the caller may see it. Somebody else's run does not exist for a user.
 pub async fn get(store: &Store, principal: &Principal, id: Uuid) -> Result<RunView, AppError> {
-    let run = store.run_get(id).await?.filter(|run| principal.may_see_what_belongs_to(&run.submitted_by));
+    let run = store
+        .run_get(id)
+        .await?
+        .filter(|run| principal.may_see_what_belongs_to(&run.submitted_by));
     run.ok_or_else(|| AppError::not_found("run", id))
 }
 

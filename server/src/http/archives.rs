@@ -70,7 +70,11 @@ async fn send(reply: FileReply, headers: &HeaderMap) -> Result<Response, ApiErro
     if response.status() != StatusCode::RANGE_NOT_SATISFIABLE {
         return Ok(response);
     }
-    let problem = ApiError::new(StatusCode::RANGE_NOT_SATISFIABLE, "range_not_satisfiable", "the file is shorter than that");
+    let problem = ApiError::new(
+        StatusCode::RANGE_NOT_SATISFIABLE,
+        "range_not_satisfiable",
+        "the file is shorter than that",
+    );
     let mut answer = problem.into_response();
     answer.headers_mut().extend(response.headers().clone());
     Ok(answer)

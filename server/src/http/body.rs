@@ -38,9 +38,9 @@ where
         let bytes = if expects_continue(&parts.headers) && (!is_json || announced(&parts.headers) > JSON_LIMIT_BYTES) {
             None // the sender waits for our word and sends nothing
         } else {
-            tokio::time::timeout(READ_TIMEOUT, read(body))
-                .await
-                .map_err(|_| ApiError::new(StatusCode::REQUEST_TIMEOUT, "request_timeout", "the body took too long"))??
+            tokio::time::timeout(READ_TIMEOUT, read(body)).await.map_err(|_| {
+                ApiError::new(StatusCode::REQUEST_TIMEOUT, "request_timeout", "the body took too long")
+            })??
         };
         if !is_json {
             return Err(ApiError::new(
@@ -82,16 +82,28 @@ fn too_large() -> ApiError {
 }
 
 fn is_json(headers: &HeaderMap) -> bool {
-    let value = headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok()).unwrap_or_default();
-    value.split(';').next().unwrap_or_default().trim().eq_ignore_ascii_case("application/json")
+    let value = headers
+        .get(header::CONTENT_TYPE)
+        .and_then(|value| value.to_str().ok())
+        .unwrap_or_default();
+    value
+        .split(';')
+        .next()
+        .unwrap_or_default()
+        .trim()
+        .eq_ignore_ascii_case("application/json")
 }
 
 fn expects_continue(headers: &HeaderMap) -> bool {
-    headers.get(header::EXPECT).is_some_and(|value| value.as_bytes().eq_ignore_ascii_case(b"100-continue"))
+    headers
+        .get(header::EXPECT)
+        .is_some_and(|value| value.as_bytes().eq_ignore_ascii_case(b"100-continue"))
 }
 
 fn announced(headers: &HeaderMap) -> u64 {
-    let length = headers.get(header::CONTENT_LENGTH).and_then(|value| value.to_str().ok());
+    let length = headers
+        .get(header::CONTENT_LENGTH)
+        .and_then(|value| value.to_str().ok());
     length.and_then(|text| text.parse().ok()).unwrap_or(0)
 }
 
@@ -108,7 +120,9 @@ fn malformed(rejection: JsonRejection) -> ApiError {
         _ => ("", why),
     };
     // The parser names the struct for a field it does not know; the field itself is more useful.
-    let unknown = why.strip_prefix("unknown field `").and_then(|rest| rest.split('`').next());
+    let unknown = why
+        .strip_prefix("unknown field `")
+        .and_then(|rest| rest.split('`').next());
     let field = match unknown {
         Some(name) if field.is_empty() || field == "." => name.to_owned(),
         Some(name) if field.rsplit('.').next() != Some(name) => format!("{field}.{name}"),

@@ -36,7 +36,15 @@ pub async fn events(
     let changes = state.store().listen();
     let run = runs::get(state.store(), &principal, id).await?;
     let place = state.watcher().ok_or_else(ApiError::too_many_watchers)?;
-    let watcher = Watcher { state, principal, id, changes, next: Some(run), sent: None, _place: place };
+    let watcher = Watcher {
+        state,
+        principal,
+        id,
+        changes,
+        next: Some(run),
+        sent: None,
+        _place: place,
+    };
     let stream = stream::unfold(watcher, |mut watcher| async move {
         let text = watcher.changed().await?;
         Some((Ok(Event::default().data(text)), watcher))

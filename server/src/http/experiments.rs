@@ -65,9 +65,15 @@ pub async fn show(
 }
 
 fn idempotency_key(headers: &HeaderMap) -> Result<Option<String>, ApiError> {
-    let Some(value) = headers.get("idempotency-key") else { return Ok(None) };
+    let Some(value) = headers.get("idempotency-key") else {
+        return Ok(None);
+    };
     match value.to_str() {
         Ok(key) if !key.is_empty() && key.len() <= KEY_LIMIT_CHARACTERS => Ok(Some(key.to_owned())),
-        _ => Err(bad_parameter("idempotency-key", "the key cannot be used", "1 to 200 visible ASCII characters")),
+        _ => Err(bad_parameter(
+            "idempotency-key",
+            "the key cannot be used",
+            "1 to 200 visible ASCII characters",
+        )),
     }
 }

@@ -42,17 +42,28 @@ impl FileReply {
             return Ok((StatusCode::NOT_MODIFIED, headers).into_response());
         }
         let same_file = !request.contains_key(header::IF_RANGE) || matches_etag(request, header::IF_RANGE, &self.etag);
-        let range = request.get(header::RANGE).and_then(|value| value.to_str().ok()).filter(|_| same_file);
+        let range = request
+            .get(header::RANGE)
+            .and_then(|value| value.to_str().ok())
+            .filter(|_| same_file);
         match range.map_or(Wanted::Whole, |text| wanted(text, length)) {
             Wanted::Whole => {
                 headers.insert(header::CONTENT_LENGTH, length.into());
-                Ok((headers, Body::from_stream(ReaderStream::with_capacity(file, CHUNK_BYTES))).into_response())
+                Ok((
+                    headers,
+                    Body::from_stream(ReaderStream::with_capacity(file, CHUNK_BYTES)),
+                )
+                    .into_response())
             }
             Wanted::Part { first, last } => {
                 file.seek(SeekFrom::Start(first)).await?;
                 let part = last - first + 1;
                 headers.insert(header::CONTENT_LENGTH, part.into());
-                insert(&mut headers, header::CONTENT_RANGE, &format!("bytes {first}-{last}/{length}"));
+                insert(
+                    &mut headers,
+                    header::CONTENT_RANGE,
+                    &format!("bytes {first}-{last}/{length}"),
+                );
                 let body = Body::from_stream(ReaderStream::with_capacity(file.take(part), CHUNK_BYTES));
                 Ok((StatusCode::PARTIAL_CONTENT, headers, body).into_response())
             }
@@ -71,8 +82,21 @@ impl FileReply {
         insert(&mut headers, header::CONTENT_TYPE, &self.media_type);
         insert(&mut headers, header::ETAG, &format!("\"{}\"", self.etag));
         if let Some(name) = &self.save_as {
-            let safe: String = name.chars().map(|c| if c.is_ascii_alphanumeric() || "._-".contains(c) { c } else { '_' }).collect();
-            insert(&mut headers, header::CONTENT_DISPOSITION, &format!("attachment; filename=\"{safe}\""));
+            let safe: String = name
+                .chars()
+                .map(|c| {
+                    if c.is_ascii_alphanumeric() || "._-".contains(c) {
+                        c
+                    } else {
+                        '_'
+                    }
+                })
+                .collect();
+            insert(
+                &mut headers,
+                header::CONTENT_DISPOSITION,
+                &format!("attachment; filename=\"{safe}\""),
+            );
         }
         if let Some(encoding) = self.encoding {
             headers.insert(header::CONTENT_ENCODING, HeaderValue::from_static(encoding));
@@ -88,30 +112,48 @@ fn insert(headers: &mut HeaderMap, name: header::HeaderName, text: &str) {
 }
 
 fn matches_etag(request: &HeaderMap, name: header::HeaderName, etag: &str) -> bool {
-    let text = request.get(&name).and_then(|value| value.to_str().ok()).unwrap_or_default();
+    let text = request
+        .get(&name)
+        .and_then(|value| value.to_str().ok())
+        .unwrap_or_default();
     let weak_is_enough = name == header::IF_NONE_MATCH;
     text.split(',').map(str::trim).any(|candidate| {
-        let candidate = if weak_is_enough { candidate.trim_start_matches("W/") } else { candidate };
+        let candidate = if weak_is_enough {
+            candidate.trim_start_matches("W/")
+        } else {
+            candidate
+        };
         (weak_is_enough && candidate == "*") || candidate.trim_matches('"') == etag
     })
 }
 
 /// One range of bytes; several ranges or nonsense mean the whole file, as RFC 9110 allows.
 fn wanted(text: &str, length: u64) -> Wanted {
-    let Some((first, last)) = text.trim().strip_prefix("bytes=").and_then(|range| range.trim().split_once('-')) else {
+    let Some((first, last)) = text
+        .trim()
+        .strip_prefix("bytes=")
+        .and_then(|range| range.trim().split_once('-'))
+    else {
         return Wanted::Whole;
     };
     match (first.trim().parse::<u64>(), last.trim().parse::<u64>()) {
-        (Ok(first), Ok(last)) if first <= last && first < length => Wanted::Part { first, last: last.min(length - 1) },
+        (Ok(first), Ok(last)) if first <= last && first < length => Wanted::Part {
+            first,
+            last: last.min(length - 1),
+        },
         (Ok(first), Ok(last)) if first > last => Wanted::Whole,
-        (Ok(first), Err(_)) if last.trim().is_empty() && first < length => Wanted::Part { first, last: length - 1 },
+        (Ok(first), Err(_)) if last.trim().is_empty() && first < length => Wanted::Part {
+            first,
+            last: length - 1,
+        },
         (Ok(_), Err(_)) if !last.trim().is_empty() => Wanted::Whole,
         (Ok(_), _) => Wanted::Unsatisfiable,
         (Err(_), Ok(0)) if first.trim().is_empty() => Wanted::Unsatisfiable,
         (Err(_), Ok(_)) if first.trim().is_empty() && length == 0 => Wanted::Unsatisfiable,
-        (Err(_), Ok(tail)) if first.trim().is_empty() => {
-            Wanted::Part { first: length.saturating_sub(tail), last: length - 1 }
-        }
+        (Err(_), Ok(tail)) if first.trim().is_empty() => Wanted::Part {
+            first: length.saturating_sub(tail),
+            last: length - 1,
+        },
         _ => Wanted::Whole,
     }
 }

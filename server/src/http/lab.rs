@@ -79,5 +79,7 @@ pub async fn salvage(
     Id(id): Id,
     body: JsonBody<SalvageRequest>,
 ) -> Result<Json<RunView>, ApiError> {
-    Ok(Json(lab::salvage(&state, id, body.value.epoch, &body.value.fault).await?))
+    Ok(Json(
+        lab::salvage(&state, id, body.value.epoch, &body.value.fault).await?,
+    ))
 }

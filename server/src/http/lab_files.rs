@@ -37,11 +37,21 @@ pub async fn put(
     headers: HeaderMap,
     body: Body,
 ) -> Result<Json<FileView>, ApiError> {
-    let announced = headers.get(header::CONTENT_LENGTH).and_then(|value| value.to_str().ok()?.parse::<u64>().ok());
+    let announced = headers
+        .get(header::CONTENT_LENGTH)
+        .and_then(|value| value.to_str().ok()?.parse::<u64>().ok());
     if announced.is_some_and(|bytes| bytes > FILE_LIMIT_BYTES) {
-        return Err(AppError::TooLarge { limit_bytes: FILE_LIMIT_BYTES }.into());
+        return Err(AppError::TooLarge {
+            limit_bytes: FILE_LIMIT_BYTES,
+        }
+        .into());
     }
-    let upload = Upload { run, epoch: attempt.epoch, name, sha256: sha256(&headers)? };
+    let upload = Upload {
+        run,
+        epoch: attempt.epoch,
+        name,
+        sha256: sha256(&headers)?,
+    };
     let is_manifest = upload.name == archive_file::MANIFEST;
     let file = files::put(&state, upload, body.into_data_stream()).await?;
     if is_manifest {
@@ -52,10 +62,17 @@ pub async fn put(
 }
 
 fn sha256(headers: &HeaderMap) -> Result<String, ApiError> {
-    let text = headers.get("x-content-sha256").and_then(|value| value.to_str().ok()).unwrap_or_default();
+    let text = headers
+        .get("x-content-sha256")
+        .and_then(|value| value.to_str().ok())
+        .unwrap_or_default();
     if text.len() == 64 && text.bytes().all(|byte| byte.is_ascii_hexdigit()) {
         Ok(text.to_ascii_lowercase())
     } else {
-        Err(bad_parameter("x-content-sha256", "the header is missing or not a SHA-256", "64 hexadecimal characters"))
+        Err(bad_parameter(
+            "x-content-sha256",
+            "the header is missing or not a SHA-256",
+            "64 hexadecimal characters",
+        ))
     }
 }

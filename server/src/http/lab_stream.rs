@@ -48,13 +48,20 @@ async fn receive(state: AppState, mut socket: WebSocket) {
             Ok(Some(Ok(Message::Close(_)) | Err(_)) | None) => break,
             Ok(Some(Ok(_))) => {}
             Err(_) => {
-                if !matches!(timeout(PING, socket.send(Message::Ping(Default::default()))).await, Ok(Ok(()))) {
+                if !matches!(
+                    timeout(PING, socket.send(Message::Ping(Default::default()))).await,
+                    Ok(Ok(()))
+                ) {
                     break;
                 }
             }
         }
     }
-    tracing::info!(frames.bad = bad_frames, frames.stale = stale_frames, "laboratory stream ended");
+    tracing::info!(
+        frames.bad = bad_frames,
+        frames.stale = stale_frames,
+        "laboratory stream ended"
+    );
 }
 
 /// Checks a frame's form and hands its text on as it is.

@@ -49,8 +49,15 @@ pub async fn live(
         .max_write_buffer_size(WRITE_BUFFER_LIMIT_BYTES)
         .on_upgrade(move |mut socket| async move {
             let _place = place;
-            let reason = if ended { CLOSE_NORMAL } else { forward(&state, id, watch, &mut socket).await };
-            let frame = CloseFrame { code: reason, reason: Utf8Bytes::from_static("") };
+            let reason = if ended {
+                CLOSE_NORMAL
+            } else {
+                forward(&state, id, watch, &mut socket).await
+            };
+            let frame = CloseFrame {
+                code: reason,
+                reason: Utf8Bytes::from_static(""),
+            };
             let _gone_already = timeout(SEND_TIMEOUT, socket.send(Message::Close(Some(frame)))).await;
         }))
 }
@@ -58,10 +65,10 @@ pub async fn live(
 /// Hands frames on until somebody ends; returns the close code.
 async fn forward(state: &AppState, id: Uuid, mut watch: Watch, socket: &mut WebSocket) -> u16 {
     let mut ping = tokio::time::interval(PING);
-    if let Some(latest) = watch.latest.take() {
-        if !send(socket, Message::Text(latest)).await {
-            return CLOSE_GOING_AWAY;
-        }
+    if let Some(latest) = watch.latest.take()
+        && !send(socket, Message::Text(latest)).await
+    {
+        return CLOSE_GOING_AWAY;
     }
     loop {
         tokio::select! {

@@ -32,7 +32,9 @@ pub async fn serve(State(state): State<AppState>, request: Request) -> Response 
     match find(folder, relative, request.headers()).await {
         Some(reply) => {
             let mut response = reply.send(request.headers()).await.unwrap_or_else(|_| not_found());
-            response.headers_mut().append(header::VARY, HeaderValue::from_static("accept-encoding"));
+            response
+                .headers_mut()
+                .append(header::VARY, HeaderValue::from_static("accept-encoding"));
             response
         }
         None => not_found(),
@@ -55,12 +57,20 @@ async fn find(folder: &Path, relative: &str, request: &HeaderMap) -> Option<File
 }
 
 async fn reply(path: PathBuf, media_type: &str, encoding: Option<&'static str>) -> Option<FileReply> {
-    let metadata = tokio::fs::metadata(&path).await.ok().filter(|metadata| metadata.is_file())?;
+    let metadata = tokio::fs::metadata(&path)
+        .await
+        .ok()
+        .filter(|metadata| metadata.is_file())?;
     let changed = metadata.modified().ok()?.duration_since(UNIX_EPOCH).ok()?;
     Some(FileReply {
         path,
         media_type: media_type.to_owned(),
-        etag: format!("{:x}-{:x}-{}", metadata.len(), changed.as_nanos(), encoding.unwrap_or("plain")),
+        etag: format!(
+            "{:x}-{:x}-{}",
+            metadata.len(),
+            changed.as_nanos(),
+            encoding.unwrap_or("plain")
+        ),
         save_as: None,
         cache_control: REVALIDATE,
         encoding,
@@ -69,19 +79,28 @@ async fn reply(path: PathBuf, media_type: &str, encoding: Option<&'static str>) 
 
 /// The path below `folder`, unless it tries to leave it or names a hidden file.
 fn inside(folder: &Path, relative: &str) -> Option<PathBuf> {
-    let plain = relative.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"._-/".contains(&byte));
+    let plain = relative
+        .bytes()
+        .all(|byte| byte.is_ascii_alphanumeric() || b"._-/".contains(&byte));
     let hidden = relative.split('/').any(|part| part.starts_with('.') || part.is_empty());
-    let normal = Path::new(relative).components().all(|part| matches!(part, Component::Normal(_)));
+    let normal = Path::new(relative)
+        .components()
+        .all(|part| matches!(part, Component::Normal(_)));
     (plain && normal && !hidden).then(|| folder.join(relative))
 }
 
 /// Whether `Accept-Encoding` names this coding with a weight above zero.
 fn accepts(request: &HeaderMap, coding: &str) -> bool {
-    let offers = request.get_all(header::ACCEPT_ENCODING).iter().filter_map(|value| value.to_str().ok());
+    let offers = request
+        .get_all(header::ACCEPT_ENCODING)
+        .iter()
+        .filter_map(|value| value.to_str().ok());
     offers.flat_map(|list| list.split(',')).any(|offer| {
         let mut parts = offer.split(';').map(str::trim);
         let named = parts.next().is_some_and(|name| name.eq_ignore_ascii_case(coding));
-        let weight = parts.find_map(|part| part.strip_prefix("q=")).and_then(|text| text.parse::<f32>().ok());
+        let weight = parts
+            .find_map(|part| part.strip_prefix("q="))
+            .and_then(|text| text.parse::<f32>().ok());
         named && weight.unwrap_or(1.0) > 0.0
     })
 }
@@ -105,11 +124,19 @@ fn media_type(name: &str) -> &'static str {
 }
 
 fn not_found() -> Response {
-    (StatusCode::NOT_FOUND, [(header::CONTENT_TYPE, "text/plain; charset=utf-8")], "There is no such page.\n").into_response()
+    (
+        StatusCode::NOT_FOUND,
+        [(header::CONTENT_TYPE, "text/plain; charset=utf-8")],
+        "There is no such page.\n",
+    )
+        .into_response()
 }
 
 fn not_built(folder: &Path, missing: &[&str]) -> Response {
-    let list: String = missing.iter().map(|name| format!("<li><code>{name}</code></li>")).collect();
+    let list: String = missing
+        .iter()
+        .map(|name| format!("<li><code>{name}</code></li>"))
+        .collect();
     let folder = folder.display().to_string().replace('&', "&amp;").replace('<', "&lt;");
     let page = format!(
         "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>Robopheus: dashboard not built</title>\
@@ -118,7 +145,10 @@ fn not_built(folder: &Path, missing: &[&str]) -> Response {
          <p>Build them with <code>cargo xtask wasm</code> and load this page again. \
          The API works meanwhile: <a href=\"/api/v1/docs/\">documentation</a>.</p></body></html>"
     );
-    let headers = [(header::CONTENT_TYPE, "text/html; charset=utf-8"), (header::CACHE_CONTROL, "no-store")];
+    let headers = [
+        (header::CONTENT_TYPE, "text/html; charset=utf-8"),
+        (header::CACHE_CONTROL, "no-store"),
+    ];
     (StatusCode::SERVICE_UNAVAILABLE, headers, page).into_response()
 }
 
@@ -129,8 +159,19 @@ mod tests {
     #[test]
     fn no_path_leaves_the_folder() {
         let folder = Path::new("/srv/static");
-        assert_eq!(inside(folder, "bundle/web_ui.js"), Some(PathBuf::from("/srv/static/bundle/web_ui.js")));
-        for bad in ["../secret", "bundle/../../x", "/etc/passwd", "bundle//x", ".git/config", "a/%2e%2e/b", "a\0b"] {
+        assert_eq!(
+            inside(folder, "bundle/web_ui.js"),
+            Some(PathBuf::from("/srv/static/bundle/web_ui.js"))
+        );
+        for bad in [
+            "../secret",
+            "bundle/../../x",
+            "/etc/passwd",
+            "bundle//x",
+            ".git/config",
+            "a/%2e%2e/b",
+            "a\0b",
+        ] {
             assert_eq!(inside(folder, bad), None, "{bad}");
         }
     }

@@ -49,7 +49,10 @@ impl<S: Send + Sync> FromRequestParts<S> for FilePath {
 
     async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, ApiError> {
         let Path(raw) = Path::<RawFilePath>::from_request_parts(parts, state).await?;
-        Ok(Self { run: uuid(&raw.id)?, name: raw.name })
+        Ok(Self {
+            run: uuid(&raw.id)?,
+            name: raw.name,
+        })
     }
 }
 

@@ -26,7 +26,13 @@ pub struct ApiError {
 
 impl ApiError {
     pub fn new(status: StatusCode, code: &'static str, detail: impl Into<String>) -> Self {
-        Self { status, code, detail: detail.into(), errors: Vec::new(), retry_after_s: None }
+        Self {
+            status,
+            code,
+            detail: detail.into(),
+            errors: Vec::new(),
+            retry_after_s: None,
+        }
     }
 
     pub fn with_errors(mut self, errors: Vec<FieldProblem>) -> Self {
@@ -43,7 +49,11 @@ impl ApiError {
     }
 
     pub fn foreign_origin() -> Self {
-        Self::new(StatusCode::FORBIDDEN, "foreign_origin", "pages of another origin may not change anything here")
+        Self::new(
+            StatusCode::FORBIDDEN,
+            "foreign_origin",
+            "pages of another origin may not change anything here",
+        )
     }
 
     pub fn malformed(detail: impl Into<String>, errors: Vec<FieldProblem>) -> Self {
@@ -51,14 +61,22 @@ impl ApiError {
     }
 
     pub fn too_many_watchers() -> Self {
-        let mut error = Self::new(StatusCode::SERVICE_UNAVAILABLE, "too_many_watchers", "too many open live connections");
+        let mut error = Self::new(
+            StatusCode::SERVICE_UNAVAILABLE,
+            "too_many_watchers",
+            "too many open live connections",
+        );
         error.retry_after_s = Some(RETRY_AFTER_S);
         error
     }
 
     fn internal(source: &dyn std::fmt::Display) -> Self {
         tracing::error!(error = %source, "request failed inside");
-        Self::new(StatusCode::INTERNAL_SERVER_ERROR, "internal_error", "something failed inside the service; it is in its log")
+        Self::new(
+            StatusCode::INTERNAL_SERVER_ERROR,
+            "internal_error",
+            "something failed inside the service; it is in its log",
+        )
     }
 }
 
@@ -89,7 +107,11 @@ impl From<AppError> for ApiError {
             }
             AppError::Corrupt { what } => {
                 tracing::error!(%what, "stored bytes differ from their SHA-256");
-                Self::new(StatusCode::INTERNAL_SERVER_ERROR, "stored_file_corrupt", format!("{what} is damaged in the store"))
+                Self::new(
+                    StatusCode::INTERNAL_SERVER_ERROR,
+                    "stored_file_corrupt",
+                    format!("{what} is damaged in the store"),
+                )
             }
             AppError::Internal(source) => Self::internal(&source),
         }
@@ -109,10 +131,14 @@ impl IntoResponse for ApiError {
         let body = serde_json::to_vec(&problem).unwrap_or_default();
         let mut response = (self.status, [(header::CONTENT_TYPE, MEDIA_TYPE)], body).into_response();
         if let Some(seconds) = self.retry_after_s {
-            response.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(seconds));
+            response
+                .headers_mut()
+                .insert(header::RETRY_AFTER, HeaderValue::from(seconds));
         }
         if self.status == StatusCode::UNAUTHORIZED {
-            response.headers_mut().insert(header::WWW_AUTHENTICATE, HeaderValue::from_static("Bearer"));
+            response
+                .headers_mut()
+                .insert(header::WWW_AUTHENTICATE, HeaderValue::from_static("Bearer"));
         }
         response
     }
@@ -120,7 +146,11 @@ impl IntoResponse for ApiError {
 
 /// Answer for a path that no route matches.
 pub async fn no_such_route() -> ApiError {
-    ApiError::new(StatusCode::NOT_FOUND, "not_found", "there is no such route; see /api/v1/docs")
+    ApiError::new(
+        StatusCode::NOT_FOUND,
+        "not_found",
+        "there is no such route; see /api/v1/docs",
+    )
 }
 
 /// Turns a panic into a 500 that says nothing about the inside.
@@ -141,7 +171,10 @@ pub async fn problems_everywhere(request: Request, next: Next) -> Response {
     let response = next.run(request).await;
     let status = response.status();
     let is_error = status.is_client_error() || status.is_server_error();
-    let is_problem = response.headers().get(header::CONTENT_TYPE).is_some_and(|value| value == MEDIA_TYPE);
+    let is_problem = response
+        .headers()
+        .get(header::CONTENT_TYPE)
+        .is_some_and(|value| value == MEDIA_TYPE);
     if !is_api || !is_error || is_problem {
         return response;
     }

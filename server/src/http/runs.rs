@@ -28,7 +28,11 @@ impl Page {
     pub fn limit(&self) -> Result<i64, ApiError> {
         match self.limit.unwrap_or(LIMIT_DEFAULT) {
             limit @ 1..=LIMIT_MOST => Ok(limit),
-            other => Err(bad_parameter("limit", format!("{other} is outside the range"), "1 to 500")),
+            other => Err(bad_parameter(
+                "limit",
+                format!("{other} is outside the range"),
+                "1 to 500",
+            )),
         }
     }
 }
@@ -41,7 +45,9 @@ pub async fn list(
     Extension(principal): Extension<Principal>,
     QueryOf(page): QueryOf<Page>,
 ) -> Result<Json<RunList>, ApiError> {
-    Ok(Json(RunList { runs: runs::list(state.store(), &principal, page.limit()?).await? }))
+    Ok(Json(RunList {
+        runs: runs::list(state.store(), &principal, page.limit()?).await?,
+    }))
 }
 
 /// One run: state, place in the queue, verdict, files.

@@ -43,7 +43,11 @@ impl Service {
 
     pub async fn start_with(options: Options) -> Self {
         let _installed_before = rustls::crypto::ring::default_provider().install_default();
-        let database = if options.private_database { TestDatabase::private().await } else { TestDatabase::new().await };
+        let database = if options.private_database {
+            TestDatabase::private().await
+        } else {
+            TestDatabase::new().await
+        };
         let folder = std::env::temp_dir().join(format!("robopheus-server-{}", Uuid::now_v7()));
         let config = Config {
             listen: "127.0.0.1:0".parse().expect("an address"),
@@ -60,15 +64,28 @@ impl Service {
             std::fs::read_to_string(&address_file).ok()
         })
         .await;
-        let store = Store::connect(&database.url, StoreOptions::default()).await.expect("database");
+        let store = Store::connect(&database.url, StoreOptions::default())
+            .await
+            .expect("database");
         let http = reqwest::Client::builder().timeout(PATIENCE).build().expect("client");
-        Self { base: format!("http://{}", address.trim()), folder, http, store, database, shutdown, task }
+        Self {
+            base: format!("http://{}", address.trim()),
+            folder,
+            http,
+            store,
+            database,
+            shutdown,
+            task,
+        }
     }
 
     /// Orderly end, as after SIGTERM.
     pub async fn stop(self) {
         self.shutdown.cancel();
-        let ended = tokio::time::timeout(PATIENCE, self.task).await.expect("ends in time").expect("no panic");
+        let ended = tokio::time::timeout(PATIENCE, self.task)
+            .await
+            .expect("ends in time")
+            .expect("no panic");
         ended.expect("ends without an error");
         self.store.close().await;
         std::fs::remove_dir_all(&self.folder).expect("data folder");
@@ -76,7 +93,10 @@ impl Service {
 
     pub fn token(&self, role: Role) -> String {
         let path = self.folder.join("tokens").join(role.as_str());
-        std::fs::read_to_string(path).expect("first-start token").trim().to_owned()
+        std::fs::read_to_string(path)
+            .expect("first-start token")
+            .trim()
+            .to_owned()
     }
 
     /// A call without a token: the person at this machine.
@@ -96,10 +116,19 @@ impl Service {
 
     /// A call of the laboratory that has to succeed.
     pub async fn lab(&self, path: &str, body: &Value) -> Value {
-        let response = self.as_role(Role::Lab, Method::POST, path).json(body).send().await.expect("answer");
+        let response = self
+            .as_role(Role::Lab, Method::POST, path)
+            .json(body)
+            .send()
+            .await
+            .expect("answer");
         let (status, text) = (response.status(), response.text().await.expect("text"));
         assert!(status.is_success(), "POST {path}: {status} {text}");
-        if text.is_empty() { Value::Null } else { serde_json::from_str(&text).expect("JSON") }
+        if text.is_empty() {
+            Value::Null
+        } else {
+            serde_json::from_str(&text).expect("JSON")
+        }
     }
 
     pub async fn register_lab(&self) {
@@ -107,7 +136,11 @@ impl Service {
     }
 
     pub async fn submit(&self, request: &Value) -> Response {
-        self.call(Method::POST, "/experiments").json(request).send().await.expect("answer")
+        self.call(Method::POST, "/experiments")
+            .json(request)
+            .send()
+            .await
+            .expect("answer")
     }
 
     /// Submits the example and plays the scheduler: its run is queued. Returns the run's id.
@@ -115,7 +148,11 @@ impl Service {
         let response = self.submit(&submission()).await;
         assert_eq!(response.status(), StatusCode::CREATED);
         let view: Value = response.json().await.expect("JSON");
-        let job = self.store.job_claim("rehearse", Uuid::now_v7(), Duration::from_secs(30)).await.expect("claim");
+        let job = self
+            .store
+            .job_claim("rehearse", Uuid::now_v7(), Duration::from_secs(30))
+            .await
+            .expect("claim");
         let job = job.expect("a job for the submission");
         let replay = b"{\"format\":\"robopheus.replay/1\"}";
         let object_path = format!("runs/{}/0/replay.json", job.run_id);
@@ -146,7 +183,11 @@ impl Service {
         let instance = Uuid::now_v7();
         let body = json!({"lab": "reference-lab", "arena": "reference", "instance": instance, "wait_s": 10.0});
         let assignment = self.lab("/lab/claim", &body).await;
-        Attempt { run: id(&assignment["run_id"]), epoch: assignment["epoch"].as_i64().expect("epoch"), instance }
+        Attempt {
+            run: id(&assignment["run_id"]),
+            epoch: assignment["epoch"].as_i64().expect("epoch"),
+            instance,
+        }
     }
 
     pub async fn report(&self, attempt: &Attempt, state: &str) -> Value {
@@ -156,7 +197,9 @@ impl Service {
 
     pub async fn put(&self, attempt: &Attempt, name: &str, bytes: &[u8], sha256: &str) -> Response {
         let path = format!("/lab/runs/{}/files/{name}?epoch={}", attempt.run, attempt.epoch);
-        let request = self.as_role(Role::Lab, Method::PUT, &path).header("x-content-sha256", sha256);
+        let request = self
+            .as_role(Role::Lab, Method::PUT, &path)
+            .header("x-content-sha256", sha256);
         request.body(bytes.to_vec()).send().await.expect("answer")
     }
 
@@ -177,12 +220,19 @@ pub struct Attempt {
 /// Reads a problem body and checks what holds for all of them.
 pub async fn problem(response: Response) -> Value {
     let status = response.status();
-    let media_type = response.headers().get("content-type").and_then(|value| value.to_str().ok()).map(str::to_owned);
+    let media_type = response
+        .headers()
+        .get("content-type")
+        .and_then(|value| value.to_str().ok())
+        .map(str::to_owned);
     assert_eq!(media_type.as_deref(), Some("application/problem+json"), "{status}");
     let problem: Value = response.json().await.expect("JSON");
     assert_eq!(problem["status"], status.as_u16());
     for key in ["type", "title", "detail", "code"] {
-        assert!(problem[key].as_str().is_some_and(|text| !text.is_empty()), "{key} of {problem}");
+        assert!(
+            problem[key].as_str().is_some_and(|text| !text.is_empty()),
+            "{key} of {problem}"
+        );
     }
     problem
 }
@@ -201,7 +251,9 @@ where
             tokio::time::sleep(Duration::from_millis(20)).await;
         }
     };
-    tokio::time::timeout(PATIENCE, waiting).await.unwrap_or_else(|_| panic!("waited in vain for {what}"))
+    tokio::time::timeout(PATIENCE, waiting)
+        .await
+        .unwrap_or_else(|_| panic!("waited in vain for {what}"))
 }
 
 pub fn laboratory() -> Value {
