@@ -26,7 +26,10 @@ pub enum RunState {
 impl RunState {
     /// True for states that are never left.
     pub const fn is_terminal(self) -> bool {
-        matches!(self, Self::Rejected | Self::Done | Self::Failed | Self::Cancelled | Self::Interrupted)
+        matches!(
+            self,
+            Self::Rejected | Self::Done | Self::Failed | Self::Cancelled | Self::Interrupted
+        )
     }
 
     /// Name on the wire and in SQL.

@@ -76,14 +76,24 @@ impl Client {
         progress: &mut impl FnMut(DownloadProgress),
     ) -> Result<(), ClientError> {
         // A part left by an earlier call belongs to an unknown version: only what this call began is resumed.
-        let have = if entity.is_some() { std::fs::metadata(partial).map_or(0, |m| m.len()) } else { 0 };
+        let have = if entity.is_some() {
+            std::fs::metadata(partial).map_or(0, |m| m.len())
+        } else {
+            0
+        };
         let mut builder = self.request(Method::GET, &format!("/runs/{id}/archive"));
         if let (true, Some(tag)) = (have > 0, entity.as_ref()) {
-            builder = builder.header(header::RANGE, format!("bytes={have}-")).header(header::IF_RANGE, tag);
+            builder = builder
+                .header(header::RANGE, format!("bytes={have}-"))
+                .header(header::IF_RANGE, tag);
         }
         let response = self.send(builder).await?;
         let resumed = response.status() == StatusCode::PARTIAL_CONTENT;
-        *entity = response.headers().get(header::ETAG).and_then(|v| v.to_str().ok()).map(str::to_owned);
+        *entity = response
+            .headers()
+            .get(header::ETAG)
+            .and_then(|v| v.to_str().ok())
+            .map(str::to_owned);
         let start = if resumed { have } else { 0 };
         let total_bytes = response.content_length().map(|rest| rest + start);
         let url = response.url().to_string();
@@ -97,10 +107,16 @@ impl Client {
         let mut received_bytes = start;
         let mut stream = response.bytes_stream();
         while let Some(piece) = stream.next().await {
-            let piece = piece.map_err(|source| ClientError::Unreachable { url: url.clone(), source })?;
+            let piece = piece.map_err(|source| ClientError::Unreachable {
+                url: url.clone(),
+                source,
+            })?;
             file.write_all(&piece).map_err(|e| ClientError::file(partial, e))?;
             received_bytes += piece.len() as u64;
-            progress(DownloadProgress { received_bytes, total_bytes });
+            progress(DownloadProgress {
+                received_bytes,
+                total_bytes,
+            });
         }
         file.sync_all().map_err(|e| ClientError::file(partial, e))
     }
@@ -108,24 +124,43 @@ impl Client {
 
 /// Compares every member of a run archive with the manifest inside it.
 fn archive_check(path: &Path) -> Result<Download, ClientError> {
-    let not_an_archive =
-        |detail: String| ClientError::NotAnArchive { file: path.display().to_string(), detail };
+    let not_an_archive = |detail: String| ClientError::NotAnArchive {
+        file: path.display().to_string(),
+        detail,
+    };
     let file = File::open(path).map_err(|e| ClientError::file(path, e))?;
     let bytes = file.metadata().map_err(|e| ClientError::file(path, e))?.len();
     let mut archive = zip::ZipArchive::new(file).map_err(|e| not_an_archive(e.to_string()))?;
     let manifest: Manifest = {
-        let member = archive.by_name("manifest.json").map_err(|e| not_an_archive(e.to_string()))?;
+        let member = archive
+            .by_name("manifest.json")
+            .map_err(|e| not_an_archive(e.to_string()))?;
         serde_json::from_reader(member).map_err(|e| not_an_archive(format!("manifest.json: {e}")))?
     };
-    let expected: BTreeMap<_, _> = manifest.files.iter().map(|f| (f.name.as_str(), f.sha256.as_str())).collect();
+    let expected: BTreeMap<_, _> = manifest
+        .files
+        .iter()
+        .map(|f| (f.name.as_str(), f.sha256.as_str()))
+        .collect();
     for (name, sha256) in &expected {
-        let mut member = archive.by_name(name).map_err(|e| not_an_archive(format!("{name}: {e}")))?;
+        let mut member = archive
+            .by_name(name)
+            .map_err(|e| not_an_archive(format!("{name}: {e}")))?;
         let found = sha256_of(&mut member).map_err(|e| not_an_archive(format!("{name}: {e}")))?;
         if found != *sha256 {
-            return Err(ClientError::Damaged { file: (*name).into(), expected: (*sha256).into(), found });
+            return Err(ClientError::Damaged {
+                file: (*name).into(),
+                expected: (*sha256).into(),
+                found,
+            });
         }
     }
-    Ok(Download { path: path.to_owned(), bytes, files_checked: expected.len(), complete: manifest.complete })
+    Ok(Download {
+        path: path.to_owned(),
+        bytes,
+        files_checked: expected.len(),
+        complete: manifest.complete,
+    })
 }
 
 fn sha256_of(reader: &mut impl Read) -> std::io::Result<String> {
@@ -167,7 +202,10 @@ mod tests {
         let good = archive_check(&archive(&folder, b"abc", abc)).unwrap();
         assert_eq!((good.files_checked, good.complete), (1, true));
         let bad = archive_check(&archive(&folder, b"abd", abc)).unwrap_err();
-        assert!(matches!(bad, ClientError::Damaged { ref file, .. } if file == "log.txt"), "{bad}");
+        assert!(
+            matches!(bad, ClientError::Damaged { ref file, .. } if file == "log.txt"),
+            "{bad}"
+        );
         std::fs::remove_dir_all(&folder).unwrap();
     }
 }

@@ -17,7 +17,11 @@ pub enum ClientError {
     File { path: String, source: std::io::Error },
     /// A downloaded file does not have the digest its manifest gives.
     #[error("{file} is damaged: expected SHA-256 {expected}, found {found}; delete it and fetch again")]
-    Damaged { file: String, expected: String, found: String },
+    Damaged {
+        file: String,
+        expected: String,
+        found: String,
+    },
     #[error("{file} is not a run archive: {detail}")]
     NotAnArchive { file: String, detail: String },
 }
@@ -33,14 +37,20 @@ impl ClientError {
     }
 
     pub(crate) fn file(path: &std::path::Path, source: std::io::Error) -> Self {
-        Self::File { path: path.display().to_string(), source }
+        Self::File {
+            path: path.display().to_string(),
+            source,
+        }
     }
 }
 
 fn problem_text(problem: &Problem) -> String {
     let mut text = format!("{} ({})", problem.detail, problem.code);
     for error in &problem.errors {
-        text.push_str(&format!("\n  {}: {}; allowed: {}; {}", error.field, error.message, error.limit, error.remedy));
+        text.push_str(&format!(
+            "\n  {}: {}; allowed: {}; {}",
+            error.field, error.message, error.limit, error.remedy
+        ));
     }
     text
 }
@@ -66,7 +76,13 @@ mod tests {
             }],
         };
         let text = ClientError::Refused(Box::new(problem)).to_string();
-        for part in ["invalid_experiment", "duration_s", "-1 is negative", "0.1 to 600 s", "give a positive duration"] {
+        for part in [
+            "invalid_experiment",
+            "duration_s",
+            "-1 is negative",
+            "0.1 to 600 s",
+            "give a positive duration",
+        ] {
             assert!(text.contains(part), "{part} missing in {text}");
         }
     }

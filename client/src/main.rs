@@ -11,7 +11,11 @@ use clap::{Parser, Subcommand};
 use output::Output;
 
 #[derive(Parser)]
-#[command(name = "robopheus", version, about = "Experiments with mobile robots, from your own machine")]
+#[command(
+    name = "robopheus",
+    version,
+    about = "Experiments with mobile robots, from your own machine"
+)]
 struct Arguments {
     /// Address of the service [default: what `login` stored, else http://127.0.0.1:8080]
     #[arg(long, global = true, env = "ROBOPHEUS_SERVER")]
@@ -50,7 +54,11 @@ fn main() {
     let arguments = Arguments::parse();
     client::install_tls();
     let output = Output::new(arguments.json);
-    let runtime = match tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build() {
+    let runtime = match tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(2)
+        .enable_all()
+        .build()
+    {
         Ok(runtime) => runtime,
         Err(error) => output.fail(&error.into()),
     };

@@ -22,7 +22,11 @@ impl Output {
     /// Prints a result: `value` with `--json`, else `text`.
     pub fn result(&self, value: &impl Serialize, text: impl FnOnce() -> String) -> anyhow::Result<()> {
         use std::io::Write;
-        let line = if self.json { serde_json::to_string(value)? } else { text() };
+        let line = if self.json {
+            serde_json::to_string(value)?
+        } else {
+            text()
+        };
         match writeln!(std::io::stdout().lock(), "{line}") {
             // The reader went away (`robopheus runs | head`): nothing is left to say.
             Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),

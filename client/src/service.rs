@@ -35,14 +35,22 @@ impl Client {
         let http = reqwest::Client::builder()
             .connect_timeout(Duration::from_secs(10))
             .build()
-            .map_err(|source| ClientError::Unreachable { url: base.clone(), source })?;
+            .map_err(|source| ClientError::Unreachable {
+                url: base.clone(),
+                source,
+            })?;
         Ok(Self { base, token, http })
     }
 
     /// Submits under an idempotency key: repeating the call with the same key never makes a second run.
     pub async fn experiment_submit(&self, request: &SubmitRequest, key: &str) -> Result<Submission, ClientError> {
-        let builder = self.request(Method::POST, "/experiments").header("idempotency-key", key).json(request);
-        Ok(Submission { view: self.json(builder).await? })
+        let builder = self
+            .request(Method::POST, "/experiments")
+            .header("idempotency-key", key)
+            .json(request);
+        Ok(Submission {
+            view: self.json(builder).await?,
+        })
     }
 
     pub async fn run_get(&self, id: Uuid) -> Result<RunView, ClientError> {
@@ -55,7 +63,8 @@ impl Client {
     }
 
     pub async fn run_cancel(&self, id: Uuid) -> Result<RunView, ClientError> {
-        self.json(self.request(Method::POST, &format!("/runs/{id}/cancel"))).await
+        self.json(self.request(Method::POST, &format!("/runs/{id}/cancel")))
+            .await
     }
 
     pub async fn robot_list(&self) -> Result<Vec<RobotView>, ClientError> {
@@ -67,7 +76,9 @@ impl Client {
     }
 
     pub(crate) fn request(&self, method: Method, path: &str) -> RequestBuilder {
-        let builder = self.http.request(method, format!("{}{}{path}", self.base, api::BASE_PATH));
+        let builder = self
+            .http
+            .request(method, format!("{}{}{path}", self.base, api::BASE_PATH));
         match &self.token {
             Some(token) => builder.bearer_auth(token),
             None => builder,
@@ -77,14 +88,23 @@ impl Client {
     async fn json<T: DeserializeOwned>(&self, builder: RequestBuilder) -> Result<T, ClientError> {
         let response = self.send(builder.timeout(CALL_TIMEOUT)).await?;
         let (url, status) = (response.url().to_string(), response.status().as_u16());
-        let bytes = response.bytes().await.map_err(|source| ClientError::Unreachable { url: url.clone(), source })?;
-        serde_json::from_slice(&bytes).map_err(|error| ClientError::Unexpected { url, status, detail: error.to_string() })
+        let bytes = response.bytes().await.map_err(|source| ClientError::Unreachable {
+            url: url.clone(),
+            source,
+        })?;
+        serde_json::from_slice(&bytes).map_err(|error| ClientError::Unexpected {
+            url,
+            status,
+            detail: error.to_string(),
+        })
     }
 
     /// Sends and turns every answer that is not a success into a typed error.
     pub(crate) async fn send(&self, builder: RequestBuilder) -> Result<Response, ClientError> {
-        let response =
-            builder.send().await.map_err(|source| ClientError::Unreachable { url: self.base.clone(), source })?;
+        let response = builder.send().await.map_err(|source| ClientError::Unreachable {
+            url: self.base.clone(),
+            source,
+        })?;
         if response.status().is_success() {
             return Ok(response);
         }
@@ -92,7 +112,11 @@ impl Client {
         let body = response.bytes().await.unwrap_or_default();
         Err(match serde_json::from_slice::<Problem>(&body) {
             Ok(problem) => ClientError::Refused(Box::new(problem)),
-            Err(_) => ClientError::Unexpected { url, status, detail: "the body is not a problem document".into() },
+            Err(_) => ClientError::Unexpected {
+                url,
+                status,
+                detail: "the body is not a problem document".into(),
+            },
         })
     }
 }

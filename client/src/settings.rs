@@ -41,7 +41,10 @@ impl Settings {
     /// Writes them for later calls, readable by this user only.
     pub fn store(&self) -> anyhow::Result<PathBuf> {
         let path = stored_path().context("neither XDG_CONFIG_HOME nor HOME is set: use --server and --token")?;
-        let stored = Stored { server: Some(self.server.clone()), token: self.token.clone() };
+        let stored = Stored {
+            server: Some(self.server.clone()),
+            token: self.token.clone(),
+        };
         write_private(&path, &serde_json::to_vec_pretty(&stored)?)
             .with_context(|| format!("cannot write {}", path.display()))?;
         Ok(path)
@@ -69,7 +72,12 @@ fn write_private(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     }
     let partial = path.with_extension("json.part");
     let mut options = std::fs::OpenOptions::new();
-    let mut file = options.create(true).write(true).truncate(true).mode(0o600).open(&partial)?;
+    let mut file = options
+        .create(true)
+        .write(true)
+        .truncate(true)
+        .mode(0o600)
+        .open(&partial)?;
     file.write_all(bytes)?;
     file.sync_all()?;
     std::fs::rename(partial, path)

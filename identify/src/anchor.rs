@@ -38,12 +38,23 @@ impl Track {
     pub fn of(bundle: &Bundle) -> Track {
         let telemetry = &bundle.telemetry;
         let series = [Channel::PoseX, Channel::PoseY, Channel::PoseYaw].map(|channel| telemetry.series(channel));
-        let [Some(x), Some(y), Some(yaw)] = series else { return Track::default() };
+        let [Some(x), Some(y), Some(yaw)] = series else {
+            return Track::default();
+        };
         let at = |series: &Series, row: u32| series.rows.binary_search(&row).ok().map(|index| series.values[index]);
         let mut all: Vec<(usize, Pose)> = Vec::new();
         for (row, x_m) in x.rows.iter().zip(&x.values) {
-            let (Some(y_m), Some(yaw_rad)) = (at(y, *row), at(yaw, *row)) else { continue };
-            all.push((*row as usize, Pose { x_m: *x_m, y_m, yaw_rad }));
+            let (Some(y_m), Some(yaw_rad)) = (at(y, *row), at(yaw, *row)) else {
+                continue;
+            };
+            all.push((
+                *row as usize,
+                Pose {
+                    x_m: *x_m,
+                    y_m,
+                    yaw_rad,
+                },
+            ));
         }
         let mut track = Track::default();
         for (index, (row, pose)) in all.iter().enumerate() {
@@ -51,7 +62,9 @@ impl Track {
                 track.outliers += 1;
                 continue;
             }
-            let yaw_rad = track.poses.last().map_or(pose.yaw_rad, |before| before.yaw_rad + wrapped_rad(pose.yaw_rad - before.yaw_rad));
+            let yaw_rad = track.poses.last().map_or(pose.yaw_rad, |before| {
+                before.yaw_rad + wrapped_rad(pose.yaw_rad - before.yaw_rad)
+            });
             track.rows.push(*row);
             track.time_s.push(telemetry.time_s[*row] - bundle.run.pose_latency_s);
             track.poses.push(Pose { yaw_rad, ..*pose });
@@ -85,8 +98,14 @@ impl Track {
             }
         }
         let fits = sums.map(|sum| parabola(&moments, &sum));
-        let [Some(x), Some(y), Some(yaw)] = fits else { return None };
-        let pose = Pose { x_m: x[0], y_m: y[0], yaw_rad: yaw[0] };
+        let [Some(x), Some(y), Some(yaw)] = fits else {
+            return None;
+        };
+        let pose = Pose {
+            x_m: x[0],
+            y_m: y[0],
+            yaw_rad: yaw[0],
+        };
         Some((pose, [x[1], y[1], yaw[1]].map(|slope| slope / HALF_WINDOW_S)))
     }
 }
@@ -118,7 +137,10 @@ fn parabola(m: &[f64; 5], s: &[f64; 3]) -> Option<[f64; 2]> {
     if whole.abs() < 1e-9 {
         return None;
     }
-    Some([det(*s, columns[1], columns[2]) / whole, det(columns[0], *s, columns[2]) / whole])
+    Some([
+        det(*s, columns[1], columns[2]) / whole,
+        det(columns[0], *s, columns[2]) / whole,
+    ])
 }
 
 /// The last sample not older than [`MAX_AGE_S`].
@@ -137,20 +159,36 @@ fn recent(telemetry: &Telemetry, channel: Channel, row: usize) -> Option<f64> {
 pub fn start_at(bundle: &Bundle, track: &Track, row: usize) -> Option<Start> {
     let (pose, [vx, vy, yaw_rate]) = track.fitted(bundle.telemetry.time_s[row])?;
     let (sin, cos) = libm::sincos(pose.yaw_rad);
-    let twist = BodyTwist { forward_m_per_s: vx * cos + vy * sin, left_m_per_s: vy * cos - vx * sin, yaw_rate_rad_per_s: yaw_rate };
+    let twist = BodyTwist {
+        forward_m_per_s: vx * cos + vy * sin,
+        left_m_per_s: vy * cos - vx * sin,
+        yaw_rate_rad_per_s: yaw_rate,
+    };
     let telemetry = &bundle.telemetry;
-    let steering_rad = recent(telemetry, Channel::Steering, row).or_else(|| telemetry.series(Channel::CommandSteering)?.held(row)).unwrap_or(0.0);
-    let mut start = Start { pose, twist, steering_rad, ..Start::default() };
+    let steering_rad = recent(telemetry, Channel::Steering, row)
+        .or_else(|| telemetry.series(Channel::CommandSteering)?.held(row))
+        .unwrap_or(0.0);
+    let mut start = Start {
+        pose,
+        twist,
+        steering_rad,
+        ..Start::default()
+    };
     let rolling = bundle.robot.wheel_speeds_holding(twist, steering_rad);
     for (wheel, described) in bundle.run.robot.wheels.iter().enumerate() {
         let measured = recent(telemetry, Channel::WheelSpeed(wheel), row);
         // Passive wheels without an encoder roll with the contact point.
         let passive = || {
             let (s, c) = libm::sincos(described.rolling_direction_rad);
-            let along = c * (twist.forward_m_per_s - twist.yaw_rate_rad_per_s * described.y_m) + s * (twist.left_m_per_s + twist.yaw_rate_rad_per_s * described.x_m);
+            let along = c * (twist.forward_m_per_s - twist.yaw_rate_rad_per_s * described.y_m)
+                + s * (twist.left_m_per_s + twist.yaw_rate_rad_per_s * described.x_m);
             described.radius_m.map_or(0.0, |radius_m| along / radius_m)
         };
-        let slip_free = if described.driven { rolling.wheel_rad_per_s[wheel] } else { passive() };
+        let slip_free = if described.driven {
+            rolling.wheel_rad_per_s[wheel]
+        } else {
+            passive()
+        };
         start.wheel_rad_per_s[wheel] = measured.unwrap_or(slip_free);
         start.current_a[wheel] = recent(telemetry, Channel::Current(wheel), row).unwrap_or(0.0);
     }

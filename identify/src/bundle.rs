@@ -67,19 +67,39 @@ impl Bundle {
     /// - Errors: the first thing that cannot be meant, with line and column; see [`BundleError`].
     pub fn parse(run_json: &str, telemetry_csv: &[u8]) -> Result<Bundle, BundleError> {
         let run = parse_run(run_json)?;
-        let robot = Robot::new(run.robot.clone())
-            .map_err(|problem| BundleError::RunField { field: format!("robot.{}", problem.field), message: format!("{} (limit: {})", problem.message, problem.limit) })?;
+        let robot = Robot::new(run.robot.clone()).map_err(|problem| BundleError::RunField {
+            field: format!("robot.{}", problem.field),
+            message: format!("{} (limit: {})", problem.message, problem.limit),
+        })?;
         let telemetry = Telemetry::from_csv(telemetry_csv)?;
         check_wheels(&run.robot, &telemetry)?;
         check_angles(&telemetry)?;
         let remarks = remarks(&run, &telemetry);
-        Ok(Bundle { run, robot, telemetry, remarks })
+        Ok(Bundle {
+            run,
+            robot,
+            telemetry,
+            remarks,
+        })
     }
 
     /// The command columns, one row per time stamp.
     pub fn command_rows(&self) -> Vec<CommandRow> {
-        let mut rows: Vec<CommandRow> = self.telemetry.time_s.iter().map(|time_s| CommandRow { time_s: *time_s, ..CommandRow::default() }).collect();
-        for (channel, series) in self.telemetry.channels.iter().filter(|(channel, _)| channel.is_command()) {
+        let mut rows: Vec<CommandRow> = self
+            .telemetry
+            .time_s
+            .iter()
+            .map(|time_s| CommandRow {
+                time_s: *time_s,
+                ..CommandRow::default()
+            })
+            .collect();
+        for (channel, series) in self
+            .telemetry
+            .channels
+            .iter()
+            .filter(|(channel, _)| channel.is_command())
+        {
             for (row, value) in series.rows.iter().zip(&series.values) {
                 let row = &mut rows[*row as usize];
                 let slot = match channel {
@@ -97,12 +117,24 @@ impl Bundle {
 }
 
 fn parse_run(text: &str) -> Result<Run, BundleError> {
-    let run: Run = serde_json::from_str(text).map_err(|error| BundleError::RunText { line: error.line(), column: error.column(), message: error.to_string() })?;
-    let wrong = |field: &str, message: String| Err(BundleError::RunField { field: field.to_owned(), message });
+    let run: Run = serde_json::from_str(text).map_err(|error| BundleError::RunText {
+        line: error.line(),
+        column: error.column(),
+        message: error.to_string(),
+    })?;
+    let wrong = |field: &str, message: String| {
+        Err(BundleError::RunField {
+            field: field.to_owned(),
+            message,
+        })
+    };
     if run.format != RUN_FORMAT {
         return wrong("format", format!("{:?}; this reads {RUN_FORMAT:?}", run.format));
     }
-    for (field, value) in [("command_delay_s", run.command_delay_s), ("pose_latency_s", run.pose_latency_s)] {
+    for (field, value) in [
+        ("command_delay_s", run.command_delay_s),
+        ("pose_latency_s", run.pose_latency_s),
+    ] {
         if !(0.0..=2.0).contains(&value) {
             return wrong(field, format!("{value} s; 0 to 2 s are possible"));
         }
@@ -114,7 +146,12 @@ fn check_wheels(robot: &RobotDescription, telemetry: &Telemetry) -> Result<(), B
     let present = telemetry.channels.keys().chain(&telemetry.empty);
     for channel in present {
         let Some(wheel) = channel.wheel() else { continue };
-        let wrong = |message: String| Err(BundleError::Column { column: channel.name(), message });
+        let wrong = |message: String| {
+            Err(BundleError::Column {
+                column: channel.name(),
+                message,
+            })
+        };
         let Some(described) = robot.wheels.get(wheel) else {
             return wrong(format!("the robot has {} wheels, numbered from 0", robot.wheels.len()));
         };
@@ -128,11 +165,26 @@ fn check_wheels(robot: &RobotDescription, telemetry: &Telemetry) -> Result<(), B
 /// Refuses angles that can only be degrees.
 fn check_angles(telemetry: &Telemetry) -> Result<(), BundleError> {
     for (channel, series) in &telemetry.channels {
-        let Some(limit_rad) = channel.angle_limit_rad() else { continue };
-        let Some(index) = series.values.iter().position(|value| value.abs() > limit_rad) else { continue };
+        let Some(limit_rad) = channel.angle_limit_rad() else {
+            continue;
+        };
+        let Some(index) = series.values.iter().position(|value| value.abs() > limit_rad) else {
+            continue;
+        };
         let (value, line) = (series.values[index], u64::from(series.rows[index]) + 2);
-        let message = format!("{value} is beyond +-{limit_rad:.3} rad: is it in degrees{}?", if *channel == Channel::PoseYaw { " or not wrapped" } else { "" });
-        return Err(BundleError::Cell { line, column: channel.name(), message });
+        let message = format!(
+            "{value} is beyond +-{limit_rad:.3} rad: is it in degrees{}?",
+            if *channel == Channel::PoseYaw {
+                " or not wrapped"
+            } else {
+                ""
+            }
+        );
+        return Err(BundleError::Cell {
+            line,
+            column: channel.name(),
+            message,
+        });
     }
     check_turning(telemetry)
 }
@@ -142,12 +194,20 @@ fn check_angles(telemetry: &Telemetry) -> Result<(), BundleError> {
 /// A yaw written in degrees stays within +-pi while the robot hardly turns, and a gyro in deg/s has no limit; their ratio
 /// shows both.
 fn check_turning(telemetry: &Telemetry) -> Result<(), BundleError> {
-    let (Some(yaw), Some(gyro)) = (telemetry.series(Channel::PoseYaw), telemetry.series(Channel::Gyro)) else { return Ok(()) };
-    let turned: f64 = yaw.values.windows(2).map(|pair| twin::pose::wrapped_rad(pair[1] - pair[0])).sum();
+    let (Some(yaw), Some(gyro)) = (telemetry.series(Channel::PoseYaw), telemetry.series(Channel::Gyro)) else {
+        return Ok(());
+    };
+    let turned: f64 = yaw
+        .values
+        .windows(2)
+        .map(|pair| twin::pose::wrapped_rad(pair[1] - pair[0]))
+        .sum();
     let time_of = |row: u32| telemetry.time_s[row as usize];
     let mut integrated = 0.0;
     for sample in 1..gyro.rows.len() {
-        integrated += 0.5 * (gyro.values[sample] + gyro.values[sample - 1]) * (time_of(gyro.rows[sample]) - time_of(gyro.rows[sample - 1]));
+        integrated += 0.5
+            * (gyro.values[sample] + gyro.values[sample - 1])
+            * (time_of(gyro.rows[sample]) - time_of(gyro.rows[sample - 1]));
     }
     // Enough turning to compare, net of noise and drift.
     if turned.abs() < 1.0 || integrated.abs() < 1.0 {
@@ -157,11 +217,17 @@ fn check_turning(telemetry: &Telemetry) -> Result<(), BundleError> {
     let degrees = 180.0 / core::f64::consts::PI;
     if ratio > 0.5 * degrees && ratio < 2.0 * degrees {
         let message = format!("turns {ratio:.0} times as much as the poses: is it in degrees per second?");
-        return Err(BundleError::Column { column: Channel::Gyro.name(), message });
+        return Err(BundleError::Column {
+            column: Channel::Gyro.name(),
+            message,
+        });
     }
     if 1.0 / ratio > 0.5 * degrees && 1.0 / ratio < 2.0 * degrees {
         let message = format!("turns {:.0} times as much as the gyro: is it in degrees?", 1.0 / ratio);
-        return Err(BundleError::Column { column: Channel::PoseYaw.name(), message });
+        return Err(BundleError::Column {
+            column: Channel::PoseYaw.name(),
+            message,
+        });
     }
     Ok(())
 }
@@ -178,19 +244,32 @@ fn remarks(run: &Run, telemetry: &Telemetry) -> Vec<Remark> {
     for (channel, series) in &telemetry.channels {
         let moving = !matches!(channel, Channel::CameraId) && !channel.is_command();
         if moving && series.is_constant() {
-            remark(channel.name(), format!("constant at {} in all {} samples", series.values[0], series.values.len()));
+            remark(
+                channel.name(),
+                format!(
+                    "constant at {} in all {} samples",
+                    series.values[0],
+                    series.values.len()
+                ),
+            );
         }
     }
     let commanded = |wheel: usize| telemetry.channels.contains_key(&Channel::CommandWheel(wheel));
     let by_twist = telemetry.channels.contains_key(&Channel::CommandForward);
     for (wheel, described) in run.robot.wheels.iter().enumerate().take(MAX_WHEELS) {
         if described.driven && !commanded(wheel) && !by_twist {
-            remark(Channel::CommandWheel(wheel).name(), "absent although the wheel is driven; taken as 0".to_owned());
+            remark(
+                Channel::CommandWheel(wheel).name(),
+                "absent although the wheel is driven; taken as 0".to_owned(),
+            );
         }
     }
     for pair in telemetry.time_s.windows(2) {
         if pair[1] - pair[0] > LONG_PAUSE_S {
-            remark("time_s".to_owned(), format!("no rows between {} s and {} s", pair[0], pair[1]));
+            remark(
+                "time_s".to_owned(),
+                format!("no rows between {} s and {} s", pair[0], pair[1]),
+            );
         }
     }
     remarks

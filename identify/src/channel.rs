@@ -78,12 +78,16 @@ impl Channel {
             return wheel(rest, "_rad_per_s").map(C::CommandWheel);
         }
         if let Some(rest) = name.strip_prefix("wheel_") {
-            return wheel(rest, "_rad_per_s").map(C::WheelSpeed).or_else(|| wheel(rest, "_rad").map(C::WheelAngle));
+            return wheel(rest, "_rad_per_s")
+                .map(C::WheelSpeed)
+                .or_else(|| wheel(rest, "_rad").map(C::WheelAngle));
         }
         if let Some(rest) = name.strip_prefix("current_") {
             return wheel(rest, "_a").map(C::Current);
         }
-        name.strip_prefix("voltage_").and_then(|rest| wheel(rest, "_v")).map(C::Voltage)
+        name.strip_prefix("voltage_")
+            .and_then(|rest| wheel(rest, "_v"))
+            .map(C::Voltage)
     }
 
     /// Column name.
@@ -94,7 +98,11 @@ impl Channel {
             C::WheelAngle(k) => format!("wheel_{k}_rad"),
             C::Current(k) => format!("current_{k}_a"),
             C::Voltage(k) => format!("voltage_{k}_v"),
-            plain => PLAIN.iter().find(|(_, channel)| *channel == plain).map_or("", |(name, _)| name).to_owned(),
+            plain => PLAIN
+                .iter()
+                .find(|(_, channel)| *channel == plain)
+                .map_or("", |(name, _)| name)
+                .to_owned(),
         }
     }
 
@@ -108,7 +116,10 @@ impl Channel {
 
     /// True for set-points.
     pub fn is_command(self) -> bool {
-        matches!(self, C::CommandWheel(_) | C::CommandForward | C::CommandLeft | C::CommandYawRate | C::CommandSteering)
+        matches!(
+            self,
+            C::CommandWheel(_) | C::CommandForward | C::CommandLeft | C::CommandYawRate | C::CommandSteering
+        )
     }
 
     /// True for angles that a laboratory might have written in degrees, and how large they can be in radians.
@@ -128,10 +139,26 @@ mod tests {
 
     #[test]
     fn names_round_trip() {
-        for name in ["command_wheel_0_rad_per_s", "wheel_5_rad", "wheel_5_rad_per_s", "current_2_a", "voltage_1_v", "pose_yaw_rad", "command_seq_applied"] {
+        for name in [
+            "command_wheel_0_rad_per_s",
+            "wheel_5_rad",
+            "wheel_5_rad_per_s",
+            "current_2_a",
+            "voltage_1_v",
+            "pose_yaw_rad",
+            "command_seq_applied",
+        ] {
             assert_eq!(Channel::parse(name).map(Channel::name).as_deref(), Some(name));
         }
-        for name in ["", "wheel_6_rad", "wheel_01_rad", "wheel_+1_rad", "pose_yaw_deg", "current_a", "time_s"] {
+        for name in [
+            "",
+            "wheel_6_rad",
+            "wheel_01_rad",
+            "wheel_+1_rad",
+            "pose_yaw_deg",
+            "current_a",
+            "time_s",
+        ] {
             assert_eq!(Channel::parse(name), None, "{name}");
         }
     }

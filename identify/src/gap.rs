@@ -85,18 +85,27 @@ pub fn end_to_end(bundle: &Bundle) -> Result<EndToEndGap, GapError> {
 /// End-to-end gap of a run when `robot` predicts it.
 pub fn end_to_end_with(bundle: &Bundle, robot: &Robot) -> Result<EndToEndGap, GapError> {
     let track = Track::of(bundle);
-    let (Some(first_s), Some(last_s)) = (track.time_s.first(), track.time_s.last()) else { return Err(GapError::NoPoses) };
+    let (Some(first_s), Some(last_s)) = (track.time_s.first(), track.time_s.last()) else {
+        return Err(GapError::NoPoses);
+    };
     if !bundle.telemetry.channels.keys().any(|channel| channel.is_command()) {
         return Err(GapError::NoCommands);
     }
     let rows = delayed_rows(bundle);
-    let mut gap = EndToEndGap { pose_outliers: track.outliers, ..EndToEndGap::default() };
+    let mut gap = EndToEndGap {
+        pose_outliers: track.outliers,
+        ..EndToEndGap::default()
+    };
     let mut begin_s = *first_s;
     let mut held = HeldCommand::default();
     let mut applied = 0;
     while begin_s + RUN_IN_S + HORIZONS_S[0] <= *last_s {
         let row = bundle.telemetry.time_s.partition_point(|t| *t < begin_s);
-        let start = if row < rows.len() { start_at(bundle, &track, row) } else { None };
+        let start = if row < rows.len() {
+            start_at(bundle, &track, row)
+        } else {
+            None
+        };
         let done = match start {
             None => false,
             Some(start) => {
@@ -107,7 +116,10 @@ pub fn end_to_end_with(bundle: &Bundle, robot: &Robot) -> Result<EndToEndGap, Ga
                 }
                 let anchor = Anchor::at(&track, start_s + RUN_IN_S);
                 let plan = anchor.plan(&rows[applied..], start_s, &track);
-                let out = replay_from(robot, &start, held, &plan).map_err(|source| GapError::Replay { anchor_s: anchor.time_s, source })?;
+                let out = replay_from(robot, &start, held, &plan).map_err(|source| GapError::Replay {
+                    anchor_s: anchor.time_s,
+                    source,
+                })?;
                 gap.collect(&anchor, &track, &out)
             }
         };
@@ -145,24 +157,49 @@ impl Anchor {
         for horizon_s in HORIZONS_S {
             let wanted_s = time_s + horizon_s;
             let after = track.time_s.partition_point(|t| *t < wanted_s);
-            let sides = [after.checked_sub(1), Some(after)].into_iter().flatten().filter(|index| *index < track.time_s.len());
+            let sides = [after.checked_sub(1), Some(after)]
+                .into_iter()
+                .flatten()
+                .filter(|index| *index < track.time_s.len());
             let distance_s = |index: &usize| (track.time_s[*index] - wanted_s).abs();
             let nearest = sides.min_by(|a, b| distance_s(a).total_cmp(&distance_s(b)));
-            goals.extend(nearest.filter(|index| distance_s(index) <= HORIZON_TOLERANCE_S).map(|index| (horizon_s, index)));
+            goals.extend(
+                nearest
+                    .filter(|index| distance_s(index) <= HORIZON_TOLERANCE_S)
+                    .map(|index| (horizon_s, index)),
+            );
         }
-        Anchor { time_s, window: from..to, goals }
+        Anchor {
+            time_s,
+            window: from..to,
+            goals,
+        }
     }
 
     /// Rows for the replay: the start, the commands up to the last goal, and the times where poses are compared.
     fn plan(&self, rows: &[CommandRow], start_s: f64, track: &Track) -> Vec<CommandRow> {
-        let mut plan = vec![CommandRow { time_s: start_s, ..CommandRow::default() }];
-        let compared = || self.window.clone().chain(self.goals.iter().map(|(_, index)| *index)).map(|index| track.time_s[index]);
+        let mut plan = vec![CommandRow {
+            time_s: start_s,
+            ..CommandRow::default()
+        }];
+        let compared = || {
+            self.window
+                .clone()
+                .chain(self.goals.iter().map(|(_, index)| *index))
+                .map(|index| track.time_s[index])
+        };
         let end_s = compared().fold(start_s, f64::max);
         plan.extend(rows.iter().take_while(|row| row.time_s <= end_s));
         for time_s in compared().filter(|time_s| *time_s > start_s) {
             let at = plan.partition_point(|row| row.time_s < time_s);
             if plan.get(at).is_none_or(|row| row.time_s != time_s) {
-                plan.insert(at, CommandRow { time_s, ..CommandRow::default() });
+                plan.insert(
+                    at,
+                    CommandRow {
+                        time_s,
+                        ..CommandRow::default()
+                    },
+                );
             }
         }
         plan
@@ -170,7 +207,11 @@ impl Anchor {
 
     /// The rigid motion that takes the twin's poses in the window to the measured ones; `None` with too few poses.
     fn measured_from_twin(&self, track: &Track, out: &[ReplayRow]) -> Option<RigidMotion> {
-        let pairs: Vec<(Pose, Pose)> = self.window.clone().filter_map(|index| Some((pose_at(out, track.time_s[index])?, track.poses[index]))).collect();
+        let pairs: Vec<(Pose, Pose)> = self
+            .window
+            .clone()
+            .filter_map(|index| Some((pose_at(out, track.time_s[index])?, track.poses[index])))
+            .collect();
         if pairs.len() < MIN_ANCHOR_POSES {
             return None;
         }
@@ -183,7 +224,13 @@ impl Anchor {
         let (x, y) = (mean(&|(twin, _)| twin.x_m), mean(&|(twin, _)| twin.y_m));
         let x_m = mean(&|(_, measured)| measured.x_m) - (cos * x - sin * y);
         let y_m = mean(&|(_, measured)| measured.y_m) - (sin * x + cos * y);
-        Some(RigidMotion { cos, sin, turn_rad, x_m, y_m })
+        Some(RigidMotion {
+            cos,
+            sin,
+            turn_rad,
+            x_m,
+            y_m,
+        })
     }
 }
 
@@ -207,16 +254,22 @@ impl RigidMotion {
 
 /// The twin's pose at a time that the replay was asked for.
 fn pose_at(out: &[ReplayRow], time_s: f64) -> Option<Pose> {
-    out.binary_search_by(|row| row.time_s.total_cmp(&time_s)).ok().map(|found| out[found].state.pose)
+    out.binary_search_by(|row| row.time_s.total_cmp(&time_s))
+        .ok()
+        .map(|found| out[found].state.pose)
 }
 
 impl EndToEndGap {
     /// Adds the samples of one anchor; false when it cannot be anchored.
     fn collect(&mut self, anchor: &Anchor, track: &Track, out: &[ReplayRow]) -> bool {
-        let Some(motion) = anchor.measured_from_twin(track, out) else { return false };
+        let Some(motion) = anchor.measured_from_twin(track, out) else {
+            return false;
+        };
         for (horizon_s, index) in &anchor.goals {
             let measured = &track.poses[*index];
-            let Some(predicted) = pose_at(out, track.time_s[*index]).map(|pose| motion.apply(&pose)) else { continue };
+            let Some(predicted) = pose_at(out, track.time_s[*index]).map(|pose| motion.apply(&pose)) else {
+                continue;
+            };
             let (dx, dy) = (predicted.x_m - measured.x_m, predicted.y_m - measured.y_m);
             let (sin, cos) = libm::sincos(measured.yaw_rad);
             self.samples.push(GapSample {
@@ -232,7 +285,10 @@ impl EndToEndGap {
 
     fn summarise(&mut self) {
         for horizon_s in HORIZONS_S {
-            let mut gap = HorizonGap { horizon_s, ..HorizonGap::default() };
+            let mut gap = HorizonGap {
+                horizon_s,
+                ..HorizonGap::default()
+            };
             let (mut position, mut yaw) = (0.0, 0.0);
             for sample in self.samples.iter().filter(|sample| sample.horizon_s == horizon_s) {
                 position += sample.forward_m * sample.forward_m + sample.left_m * sample.left_m;

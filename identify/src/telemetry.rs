@@ -13,7 +13,11 @@ pub const MAX_BYTES: usize = 2 << 30;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum BundleError {
     #[error("run.json line {line}, column {column}: {message}")]
-    RunText { line: usize, column: usize, message: String },
+    RunText {
+        line: usize,
+        column: usize,
+        message: String,
+    },
     #[error("run.json {field}: {message}")]
     RunField { field: String, message: String },
     #[error("telemetry line {line}: {message}")]
@@ -72,17 +76,29 @@ impl Telemetry {
     ///   columns twice.
     pub fn from_csv(bytes: &[u8]) -> Result<Telemetry, BundleError> {
         if bytes.len() > MAX_BYTES {
-            return Err(BundleError::Whole { message: format!("{} bytes; at most {MAX_BYTES} are read", bytes.len()) });
+            return Err(BundleError::Whole {
+                message: format!("{} bytes; at most {MAX_BYTES} are read", bytes.len()),
+            });
         }
         let text = core::str::from_utf8(bytes).map_err(|error| BundleError::Row {
-            line: 1 + bytes[..error.valid_up_to()].iter().filter(|byte| **byte == b'\n').count() as u64,
+            line: 1 + bytes[..error.valid_up_to()]
+                .iter()
+                .filter(|byte| **byte == b'\n')
+                .count() as u64,
             message: "not UTF-8 text".to_owned(),
         })?;
         let text = text.strip_prefix('\u{feff}').unwrap_or(text);
-        let mut reader = csv::ReaderBuilder::new().has_headers(true).trim(csv::Trim::All).from_reader(text.as_bytes());
+        let mut reader = csv::ReaderBuilder::new()
+            .has_headers(true)
+            .trim(csv::Trim::All)
+            .from_reader(text.as_bytes());
         let header = reader.headers().map_err(|error| row_error(&error))?.clone();
         let (mut telemetry, columns, time_column) = read_header(&header)?;
-        let mut series: BTreeMap<Channel, Series> = columns.iter().flatten().map(|channel| (*channel, Series::default())).collect();
+        let mut series: BTreeMap<Channel, Series> = columns
+            .iter()
+            .flatten()
+            .map(|channel| (*channel, Series::default()))
+            .collect();
         let mut record = csv::StringRecord::new();
         while reader.read_record(&mut record).map_err(|error| row_error(&error))? {
             let line = record.position().map_or(0, csv::Position::line);
@@ -93,7 +109,11 @@ impl Telemetry {
                 if cell.is_empty() {
                     continue;
                 }
-                let value = number(cell).map_err(|message| BundleError::Cell { line, column: channel.name(), message })?;
+                let value = number(cell).map_err(|message| BundleError::Cell {
+                    line,
+                    column: channel.name(),
+                    message,
+                })?;
                 if let Some(series) = series.get_mut(channel) {
                     series.rows.push(row);
                     series.values.push(value);
@@ -101,7 +121,9 @@ impl Telemetry {
             }
         }
         if telemetry.time_s.is_empty() {
-            return Err(BundleError::Whole { message: "no rows below the header".to_owned() });
+            return Err(BundleError::Whole {
+                message: "no rows below the header".to_owned(),
+            });
         }
         for (channel, series) in series {
             if series.values.is_empty() {
@@ -114,7 +136,11 @@ impl Telemetry {
     }
 
     fn push_time(&mut self, record: &csv::StringRecord, column: usize, line: u64) -> Result<(), BundleError> {
-        let wrong = |message: String| BundleError::Cell { line, column: "time_s".to_owned(), message };
+        let wrong = |message: String| BundleError::Cell {
+            line,
+            column: "time_s".to_owned(),
+            message,
+        };
         let time_s = number(record.get(column).unwrap_or("")).map_err(&wrong)?;
         if let Some(before_s) = self.time_s.last() {
             if time_s == *before_s {
@@ -125,7 +151,9 @@ impl Telemetry {
             }
         }
         if self.time_s.len() >= MAX_ROWS {
-            return Err(BundleError::Whole { message: format!("more than {MAX_ROWS} rows") });
+            return Err(BundleError::Whole {
+                message: format!("more than {MAX_ROWS} rows"),
+            });
         }
         self.time_s.push(time_s);
         Ok(())
@@ -135,7 +163,9 @@ impl Telemetry {
 fn row_error(error: &csv::Error) -> BundleError {
     let line = error.position().map_or(1, csv::Position::line);
     let message = match error.kind() {
-        csv::ErrorKind::UnequalLengths { expected_len, len, .. } => format!("{len} cells where the header has {expected_len}"),
+        csv::ErrorKind::UnequalLengths { expected_len, len, .. } => {
+            format!("{len} cells where the header has {expected_len}")
+        }
         _ => error.to_string(),
     };
     BundleError::Row { line, message }
@@ -150,7 +180,10 @@ fn read_header(header: &csv::StringRecord) -> Result<(Telemetry, Columns, usize)
     for (index, name) in header.iter().enumerate() {
         let twice = header.iter().take(index).any(|before| before == name);
         if twice {
-            return Err(BundleError::Column { column: name.to_owned(), message: "stands twice in the header".to_owned() });
+            return Err(BundleError::Column {
+                column: name.to_owned(),
+                message: "stands twice in the header".to_owned(),
+            });
         }
         let channel = Channel::parse(name);
         if name == "time_s" {
@@ -161,7 +194,10 @@ fn read_header(header: &csv::StringRecord) -> Result<(Telemetry, Columns, usize)
         columns.push(channel);
     }
     let Some(time_column) = time_column else {
-        return Err(BundleError::Column { column: "time_s".to_owned(), message: "missing; every row needs its time stamp".to_owned() });
+        return Err(BundleError::Column {
+            column: "time_s".to_owned(),
+            message: "missing; every row needs its time stamp".to_owned(),
+        });
     };
     Ok((telemetry, columns, time_column))
 }
@@ -169,7 +205,9 @@ fn read_header(header: &csv::StringRecord) -> Result<(Telemetry, Columns, usize)
 fn number(cell: &str) -> Result<f64, String> {
     match cell.parse::<f64>() {
         Ok(value) if value.is_finite() => Ok(value),
-        Ok(_) => Err(format!("{cell:?} is not finite; leave the cell empty where there is no sample")),
+        Ok(_) => Err(format!(
+            "{cell:?} is not finite; leave the cell empty where there is no sample"
+        )),
         Err(_) if cell.is_empty() => Err("empty".to_owned()),
         Err(_) => Err(format!("{cell:?} is not a number")),
     }

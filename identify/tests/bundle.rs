@@ -22,8 +22,13 @@ fn channels_may_have_different_rates() {
     let csv = "time_s,command_wheel_0_rad_per_s,pose_x_m,gyro_z_rad_per_s\n0.0,1.5,,0.1\n0.01,,0.25,\n0.02,2.5,,0.2\n";
     let Ok(bundle) = parse(csv) else { panic!("refused") };
     assert_eq!(bundle.telemetry.time_s, [0.0, 0.01, 0.02]);
-    let Some(command) = bundle.telemetry.series(Channel::CommandWheel(0)) else { panic!("no commands") };
-    assert_eq!((command.rows.as_slice(), command.values.as_slice()), (&[0, 2][..], &[1.5, 2.5][..]));
+    let Some(command) = bundle.telemetry.series(Channel::CommandWheel(0)) else {
+        panic!("no commands")
+    };
+    assert_eq!(
+        (command.rows.as_slice(), command.values.as_slice()),
+        (&[0, 2][..], &[1.5, 2.5][..])
+    );
     assert_eq!(command.held(1), Some(1.5));
     assert_eq!(bundle.telemetry.series(Channel::PoseY), None);
     let rows = bundle.command_rows();
@@ -33,16 +38,27 @@ fn channels_may_have_different_rates() {
 
 #[test]
 fn errors_name_line_and_column() {
-    assert_eq!(refused("time_s,pose_x_m\n0.0,1\n0.1,abc\n"), "telemetry line 3, column \"pose_x_m\": \"abc\" is not a number");
+    assert_eq!(
+        refused("time_s,pose_x_m\n0.0,1\n0.1,abc\n"),
+        "telemetry line 3, column \"pose_x_m\": \"abc\" is not a number"
+    );
     assert!(refused("time_s,pose_x_m\n0.0,NaN\n").contains("line 2, column \"pose_x_m\": \"NaN\" is not finite"));
-    assert_eq!(refused("time_s,pose_x_m\n0.0,1\n0.1,1\n0.05,1\n"), "telemetry line 4, column \"time_s\": time runs backward: 0.05 s after 0.1 s");
-    assert!(refused("time_s,pose_x_m\n0.1,1\n0.1,1\n").contains("line 3, column \"time_s\": time stamp 0.1 s stands twice"));
+    assert_eq!(
+        refused("time_s,pose_x_m\n0.0,1\n0.1,1\n0.05,1\n"),
+        "telemetry line 4, column \"time_s\": time runs backward: 0.05 s after 0.1 s"
+    );
+    assert!(
+        refused("time_s,pose_x_m\n0.1,1\n0.1,1\n").contains("line 3, column \"time_s\": time stamp 0.1 s stands twice")
+    );
     assert!(refused("time_s,pose_x_m\n0.1,1\n0.2\n").contains("line 3: 1 cells where the header has 2"));
     assert!(refused("time_s,pose_x_m\n,1\n").contains("line 2, column \"time_s\": empty"));
     assert!(refused("pose_x_m\n1\n").contains("column \"time_s\": missing"));
     assert!(refused("time_s,pose_x_m,pose_x_m\n0,1,2\n").contains("column \"pose_x_m\": stands twice"));
     assert!(refused("time_s,pose_x_m\n").contains("no rows"));
-    assert!(matches!(Bundle::parse(&run_json(), b"time_s,bus_v\n0,1\n1,\xff\n"), Err(BundleError::Row { line: 3, .. })));
+    assert!(matches!(
+        Bundle::parse(&run_json(), b"time_s,bus_v\n0,1\n1,\xff\n"),
+        Err(BundleError::Row { line: 3, .. })
+    ));
 }
 
 #[test]
@@ -53,7 +69,9 @@ fn wheels_must_exist_and_be_driven() {
 
 #[test]
 fn degrees_are_refused() {
-    assert!(refused("time_s,pose_yaw_rad\n0.0,1.0\n0.1,92.5\n").contains("line 3, column \"pose_yaw_rad\": 92.5 is beyond"));
+    assert!(
+        refused("time_s,pose_yaw_rad\n0.0,1.0\n0.1,92.5\n").contains("line 3, column \"pose_yaw_rad\": 92.5 is beyond")
+    );
     assert!(refused("time_s,command_steering_rad\n0.0,20\n").contains("degrees"));
     let mut csv = "time_s,pose_yaw_rad,gyro_z_rad_per_s\n".to_owned();
     for step in 0..100 {
@@ -68,7 +86,14 @@ fn degrees_are_refused() {
 fn odd_channels_are_remarked() {
     let csv = "time_s,command_wheel_0_rad_per_s,bus_v,current_0_a,mood\n0.0,1,24,,x\n0.1,1,24,,y\n3.0,1,24,,z\n";
     let Ok(bundle) = parse(csv) else { panic!("refused") };
-    let about = |column: &str| bundle.remarks.iter().filter(|remark| remark.column == column).map(|remark| remark.message.as_str()).collect::<Vec<_>>();
+    let about = |column: &str| {
+        bundle
+            .remarks
+            .iter()
+            .filter(|remark| remark.column == column)
+            .map(|remark| remark.message.as_str())
+            .collect::<Vec<_>>()
+    };
     assert_eq!(about("bus_v"), ["constant at 24 in all 3 samples"]);
     assert_eq!(about("current_0_a"), ["no sample in any row"]);
     assert_eq!(about("mood"), ["not a column of the format; not read"]);
@@ -87,5 +112,11 @@ fn run_documents_are_checked() {
     assert!(swap("robopheus.run/1", "robopheus.run/9").starts_with("run.json format:"));
     assert!(swap("\"mass_kg\":12.0", "\"mass_kg\":-12.0").starts_with("run.json robot.mass_kg: -12 is out of range"));
     assert!(swap("\"floor\"", "\"flor\"").starts_with("run.json line 1, column "));
-    assert!(swap("\"change_free_reference\":true", "\"change_free_reference\":true,\"command_delay_s\":9").contains("command_delay_s"));
+    assert!(
+        swap(
+            "\"change_free_reference\":true",
+            "\"change_free_reference\":true,\"command_delay_s\":9"
+        )
+        .contains("command_delay_s")
+    );
 }

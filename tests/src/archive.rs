@@ -38,9 +38,15 @@ impl Archive {
         let listed = manifest["files"].as_array().context("manifest: `files` is missing")?;
         for file in listed {
             let name = file["name"].as_str().context("manifest: file without a name")?;
-            let bytes = members.get(name).with_context(|| format!("{name} is listed but missing"))?;
+            let bytes = members
+                .get(name)
+                .with_context(|| format!("{name} is listed but missing"))?;
             let found: String = Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect();
-            ensure!(file["sha256"] == found.as_str(), "{name}: SHA-256 {found}, manifest says {}", file["sha256"]);
+            ensure!(
+                file["sha256"] == found.as_str(),
+                "{name}: SHA-256 {found}, manifest says {}",
+                file["sha256"]
+            );
         }
         ensure!(
             members.len() == listed.len() + 1,
@@ -69,10 +75,17 @@ impl Archive {
     pub fn telemetry(&self, robot: &str) -> anyhow::Result<ParquetSummary> {
         let bytes = bytes::Bytes::copy_from_slice(self.member(&format!("robots/{robot}/telemetry.parquet"))?);
         let builder = ParquetRecordBatchReaderBuilder::try_new(bytes)?;
-        let columns: Vec<_> = builder.schema().fields().iter().map(|field| field.name().clone()).collect();
+        let columns: Vec<_> = builder
+            .schema()
+            .fields()
+            .iter()
+            .map(|field| field.name().clone())
+            .collect();
         let batches: Vec<RecordBatch> = builder.build()?.collect::<Result<_, _>>()?;
         let command = |batch: &RecordBatch| {
-            batch.column_by_name("command_wheel_0_rad_per_s").map_or(0, |c| c.len() - c.null_count())
+            batch
+                .column_by_name("command_wheel_0_rad_per_s")
+                .map_or(0, |c| c.len() - c.null_count())
         };
         use arrow_array::Array;
         Ok(ParquetSummary {

@@ -64,7 +64,12 @@ impl Browser {
             }
         };
         page.goto(address).await?;
-        Ok(Self { driver, page, profile, downloads })
+        Ok(Self {
+            driver,
+            page,
+            profile,
+            downloads,
+        })
     }
 
     /// What the dashboard says of itself: page, places of its widgets, state.
@@ -88,7 +93,10 @@ impl Browser {
             if start.elapsed() > limit {
                 let picture = std::env::temp_dir().join("robopheus-browser-failure.png");
                 let _ = self.page.screenshot(&picture).await;
-                anyhow::bail!("waited {limit:?} in vain for {what}; picture in {}; {seen:#}", picture.display());
+                anyhow::bail!(
+                    "waited {limit:?} in vain for {what}; picture in {}; {seen:#}",
+                    picture.display()
+                );
             }
             tokio::time::sleep(Duration::from_millis(100)).await;
         }
@@ -107,9 +115,18 @@ impl Browser {
     /// Presses the mouse in the middle of a widget, moves it and lets go.
     pub async fn drag(&self, widget: &str, right: i64, down: i64) -> anyhow::Result<()> {
         let (x, y) = self.middle(widget).await?;
-        self.page.action_chain().move_to(x, y).click_and_hold().perform().await?;
+        self.page
+            .action_chain()
+            .move_to(x, y)
+            .click_and_hold()
+            .perform()
+            .await?;
         for step in 1..=5 {
-            self.page.action_chain().move_to(x + right * step / 5, y + down * step / 5).perform().await?;
+            self.page
+                .action_chain()
+                .move_to(x + right * step / 5, y + down * step / 5)
+                .perform()
+                .await?;
             tokio::time::sleep(Duration::from_millis(50)).await;
         }
         self.page.action_chain().release().perform().await?;
@@ -129,9 +146,15 @@ impl Browser {
 
     async fn middle(&self, widget: &str) -> anyhow::Result<(i64, i64)> {
         let present = |seen: &Value| seen["widgets"][widget].is_object();
-        let seen = self.wait(&format!("the widget {widget}"), Duration::from_secs(20), present).await?;
+        let seen = self
+            .wait(&format!("the widget {widget}"), Duration::from_secs(20), present)
+            .await?;
         let place = &seen["widgets"][widget];
-        let at = |key: &str| place[key].as_f64().with_context(|| format!("widget {widget} has no {key}"));
+        let at = |key: &str| {
+            place[key]
+                .as_f64()
+                .with_context(|| format!("widget {widget} has no {key}"))
+        };
         Ok(((at("x")? + at("w")? / 2.0) as i64, (at("y")? + at("h")? / 2.0) as i64))
     }
 
@@ -142,7 +165,11 @@ impl Browser {
         }
         self.page.screenshot(path).await?;
         // A blank page of this size compresses to a few kilobytes.
-        ensure!(std::fs::metadata(path)?.len() > 15_000, "{} looks blank", path.display());
+        ensure!(
+            std::fs::metadata(path)?.len() > 15_000,
+            "{} looks blank",
+            path.display()
+        );
         Ok(())
     }
 

@@ -22,7 +22,13 @@ async fn main() -> anyhow::Result<()> {
     let result = smoke(&mut rows).await;
     println!("\n{:<34} {:<40} {:<26} holds", "what", "figure", "limit");
     for row in &rows {
-        println!("{:<34} {:<40} {:<26} {}", row.what, row.figure, row.limit, if row.holds { "yes" } else { "NO" });
+        println!(
+            "{:<34} {:<40} {:<26} {}",
+            row.what,
+            row.figure,
+            row.limit,
+            if row.holds { "yes" } else { "NO" }
+        );
     }
     result?;
     let failed = rows.iter().filter(|row| !row.holds).count();
@@ -33,9 +39,13 @@ async fn main() -> anyhow::Result<()> {
 async fn smoke(rows: &mut Vec<Row>) -> anyhow::Result<()> {
     let document = repository().join("examples/experiments/rectangle-omni4.json");
     let text = std::fs::read_to_string(&document).with_context(|| format!("cannot read {}", document.display()))?;
-    let experiment: Value = serde_json::from_str(&text)?;
+    let mut experiment: Value = serde_json::from_str(&text)?;
+    lap_until_the_end(&mut experiment)?;
     let duration_s = experiment["duration_s"].as_f64().context("duration_s")?;
-    let name = experiment["robots"][0]["name"].as_str().context("robot name")?.to_owned();
+    let name = experiment["robots"][0]["name"]
+        .as_str()
+        .context("robot name")?
+        .to_owned();
 
     let clock = Instant::now();
     let system = System::start("smoke").await?;
@@ -43,14 +53,23 @@ async fn smoke(rows: &mut Vec<Row>) -> anyhow::Result<()> {
 
     let clock = Instant::now();
     let id = system.submit(&experiment, None).await?;
-    let validated = system.wait_for_state(id, RunState::Queued, Duration::from_secs(30)).await;
+    let validated = system
+        .wait_for_state(id, RunState::Queued, Duration::from_secs(30))
+        .await;
     time(rows, "submission and validation", clock);
     validated?;
 
     let clock = Instant::now();
-    let run = system.wait_for_state(id, RunState::Running, Duration::from_secs(60)).await?;
+    let run = system
+        .wait_for_state(id, RunState::Running, Duration::from_secs(60))
+        .await?;
     time(rows, "queue and preparation", clock);
-    anyhow::ensure!(run.state == RunState::Running, "the run ended {}: {:?}", run.state.as_str(), run.fault);
+    anyhow::ensure!(
+        run.state == RunState::Running,
+        "the run ended {}: {:?}",
+        run.state.as_str(),
+        run.fault
+    );
 
     let clock = Instant::now();
     let limit = Duration::from_secs_f64(duration_s + 30.0);
@@ -58,9 +77,19 @@ async fn smoke(rows: &mut Vec<Row>) -> anyhow::Result<()> {
     time(rows, "motion", clock);
 
     let clock = Instant::now();
-    let run = if run.state.is_terminal() { run } else { system.wait_until_ended(id, Duration::from_secs(60)).await? };
+    let run = if run.state.is_terminal() {
+        run
+    } else {
+        system.wait_until_ended(id, Duration::from_secs(60)).await?
+    };
     time(rows, "archive and upload", clock);
-    row(rows, "state", format!("{} {}", run.state.as_str(), fault(&run)), "done", run.state == RunState::Done);
+    row(
+        rows,
+        "state",
+        format!("{} {}", run.state.as_str(), fault(&run)),
+        "done",
+        run.state == RunState::Done,
+    );
 
     let clock = Instant::now();
     let archive = Archive::open(system.download(&format!("/api/v1/runs/{id}/archive")).await?)?;
@@ -68,60 +97,124 @@ async fn smoke(rows: &mut Vec<Row>) -> anyhow::Result<()> {
     figures(rows, &archive, &name)?;
 
     let server = run.digest.server.clone().unwrap_or_default();
-    let own = own_digest(&experiment, &document)?;
-    row(rows, "digest server / command line", format!("{server} / {own}"), "equal", !own.is_empty() && server == own);
+    let own = own_digest(&experiment, &system.data)?;
+    row(
+        rows,
+        "digest server / command line",
+        format!("{server} / {own}"),
+        "equal",
+        !own.is_empty() && server == own,
+    );
 
     let left = system.stop()?;
-    row(rows, "left behind after stopping", format!("{left:?}"), "nothing", left.is_empty());
+    row(
+        rows,
+        "left behind after stopping",
+        format!("{left:?}"),
+        "nothing",
+        left.is_empty(),
+    );
+    Ok(())
+}
+
+/// Repeats the path so that the robot drives for the whole duration.
+fn lap_until_the_end(experiment: &mut Value) -> anyhow::Result<()> {
+    let path = experiment["targets"].as_array().context("targets")?.clone();
+    experiment["targets"] = path.iter().cycle().take(6 * path.len()).cloned().collect();
     Ok(())
 }
 
 fn figures(rows: &mut Vec<Row>, archive: &Archive, robot: &str) -> anyhow::Result<()> {
     let manifest = &archive.manifest;
-    let recorded = manifest["ticks_recorded"].as_f64().context("manifest: ticks_recorded")?;
+    let recorded = manifest["ticks_recorded"]
+        .as_f64()
+        .context("manifest: ticks_recorded")?;
     let missed = manifest["ticks_missed"].as_f64().context("manifest: ticks_missed")?;
     let share = recorded / (recorded + missed).max(1.0);
     let text = format!("{recorded} of {} ({:.2} %)", recorded + missed, 100.0 * share);
     row(rows, "120 Hz ticks recorded", text, ">= 99.5 %", share >= 0.995);
     let jitter = &manifest["tick_jitter"];
     let bunched = jitter["bunched"].as_u64().context("manifest: tick_jitter.bunched")?;
-    row(rows, "ticks less than 4 ms apart", bunched.to_string(), "0", bunched == 0);
+    row(
+        rows,
+        "ticks less than 4 ms apart",
+        bunched.to_string(),
+        "0",
+        bunched == 0,
+    );
     let text = format!("{} (plain sleep {})", jitter["late_p99_ms"], jitter["sleep_p99_ms"]);
-    row(rows, "tick lateness p99, ms", text, "reported", jitter["late_p99_ms"].is_number());
+    row(
+        rows,
+        "tick lateness p99, ms",
+        text,
+        "reported",
+        jitter["late_p99_ms"].is_number(),
+    );
 
     let topics = archive.mcap_topics()?;
     let messages: usize = topics.values().sum();
-    row(rows, "run.mcap", format!("{messages} messages, {} topics", topics.len()), "> 1000", messages > 1000);
+    row(
+        rows,
+        "run.mcap",
+        format!("{messages} messages, {} topics", topics.len()),
+        "> 1000",
+        messages > 1000,
+    );
     let telemetry = archive.telemetry(robot)?;
-    let text = format!("{} rows, {} columns, {} commands", telemetry.rows, telemetry.columns.len(), telemetry.commands);
+    let text = format!(
+        "{} rows, {} columns, {} commands",
+        telemetry.rows,
+        telemetry.columns.len(),
+        telemetry.commands
+    );
     let holds = telemetry.columns[0] == "time_s" && telemetry.commands as f64 >= 0.99 * recorded;
     row(rows, "telemetry.parquet", text, "a command for every tick", holds);
     Ok(())
 }
 
 /// The same experiment in the twin of the command line, as a user would check it.
-fn own_digest(experiment: &Value, document: &std::path::Path) -> anyhow::Result<String> {
+fn own_digest(experiment: &Value, folder: &std::path::Path) -> anyhow::Result<String> {
+    let document = folder.join("experiment.json");
+    std::fs::write(&document, experiment.to_string())?;
     let program = std::env::current_exe()?.with_file_name("robopheus");
     let output = std::process::Command::new(program)
         .args(["--json", "validate", "--lab"])
         .arg(repository().join("examples/lab/reference.json"))
         .arg(document)
         .output()
-        .with_context(|| format!("cannot run robopheus validate for {}", experiment["format"]))?;
-    anyhow::ensure!(output.status.success(), "validate: {}", String::from_utf8_lossy(&output.stderr));
+        .context("cannot run robopheus validate")?;
+    anyhow::ensure!(
+        output.status.success(),
+        "validate: {}",
+        String::from_utf8_lossy(&output.stderr)
+    );
     let verdict: Value = serde_json::from_slice(&output.stdout)?;
     Ok(verdict["digest"].as_str().unwrap_or_default().to_owned())
 }
 
 fn fault(run: &api::run::RunView) -> String {
-    run.fault.as_ref().map(|fault| format!("({}: {})", fault.code, fault.message)).unwrap_or_default()
+    run.fault
+        .as_ref()
+        .map(|fault| format!("({}: {})", fault.code, fault.message))
+        .unwrap_or_default()
 }
 
 fn time(rows: &mut Vec<Row>, what: &'static str, since: Instant) {
-    row(rows, what, format!("{:.2} s", since.elapsed().as_secs_f64()), "reported", true);
+    row(
+        rows,
+        what,
+        format!("{:.2} s", since.elapsed().as_secs_f64()),
+        "reported",
+        true,
+    );
 }
 
 fn row(rows: &mut Vec<Row>, what: &'static str, figure: String, limit: &'static str, holds: bool) {
     println!("{what}: {figure}");
-    rows.push(Row { what, figure, limit, holds });
+    rows.push(Row {
+        what,
+        figure,
+        limit,
+        holds,
+    });
 }

@@ -32,7 +32,10 @@ pub struct UpFile {
 
 /// The checkout that the tests belong to.
 pub fn repository() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).parent().map(Path::to_owned).unwrap_or_default()
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .parent()
+        .map(Path::to_owned)
+        .unwrap_or_default()
 }
 
 impl System {
@@ -55,7 +58,12 @@ impl System {
             .spawn()
             .context("cannot start `xtask up`")?;
         let http = reqwest::Client::builder().timeout(Duration::from_secs(60)).build()?;
-        let mut system = Self { up, data, http, base: String::new() };
+        let mut system = Self {
+            up,
+            data,
+            http,
+            base: String::new(),
+        };
         system.wait_until_ready().await?;
         Ok(system)
     }
@@ -67,15 +75,25 @@ impl System {
                 bail!("`up` ended with {status}:\n{}", self.log("up.log"));
             }
             if let Ok(file) = self.up_file() {
-                let address = file.server.trim_start_matches("http://").trim_end_matches('/').to_owned();
+                let address = file
+                    .server
+                    .trim_start_matches("http://")
+                    .trim_end_matches('/')
+                    .to_owned();
                 self.base = format!("http://{address}");
                 if let Ok(arenas) = self.get("/api/v1/arenas").await
-                    && arenas.as_array().is_some_and(|all| all.iter().any(|arena| arena["state"] == "free"))
+                    && arenas
+                        .as_array()
+                        .is_some_and(|all| all.iter().any(|arena| arena["state"] == "free"))
                 {
                     return Ok(());
                 }
             }
-            ensure!(start.elapsed() < START_LIMIT, "no free arena after {START_LIMIT:?}:\n{}", self.log("up.log"));
+            ensure!(
+                start.elapsed() < START_LIMIT,
+                "no free arena after {START_LIMIT:?}:\n{}",
+                self.log("up.log")
+            );
             tokio::time::sleep(Duration::from_millis(100)).await;
         }
     }
@@ -87,7 +105,10 @@ impl System {
     /// Process identifier of one of the system's processes: `server`, `scheduler`, `lab`, `emulator`, `postgres`.
     pub fn pid(&self, name: &str) -> anyhow::Result<i32> {
         let file = self.up_file()?;
-        file.pids.get(name).copied().with_context(|| format!("no process {name:?} among {:?}", file.pids.keys()))
+        file.pids
+            .get(name)
+            .copied()
+            .with_context(|| format!("no process {name:?} among {:?}", file.pids.keys()))
     }
 
     /// SIGKILL, without any chance to tidy up.
@@ -107,7 +128,11 @@ impl System {
     pub async fn submit(&self, experiment: &Value, claim: Option<Value>) -> anyhow::Result<Uuid> {
         let body = json!({ "experiment": experiment, "claim": claim, "label": "system test" });
         let request = self.http.post(format!("{}/api/v1/experiments", self.base));
-        let response = request.header("idempotency-key", Uuid::now_v7().to_string()).json(&body).send().await?;
+        let response = request
+            .header("idempotency-key", Uuid::now_v7().to_string())
+            .json(&body)
+            .send()
+            .await?;
         let status = response.status();
         let text = response.text().await?;
         ensure!(status.is_success(), "submitting: {status}: {text}");
@@ -118,17 +143,21 @@ impl System {
         Ok(serde_json::from_value(self.get(&format!("/api/v1/runs/{id}")).await?)?)
     }
 
-    /// Waits for a state (or a terminal one); a service that is being restarted meanwhile is no failure.
+    /// Waits for a state or a later one; a service that is being restarted meanwhile is no failure.
     pub async fn wait_for_state(&self, id: Uuid, state: RunState, limit: Duration) -> anyhow::Result<RunView> {
         let start = Instant::now();
         loop {
             let seen = self.run(id).await;
             if let Ok(run) = &seen
-                && (run.state == state || run.state.is_terminal())
+                && (run.state >= state || run.state.is_terminal())
             {
                 return seen;
             }
-            ensure!(start.elapsed() < limit, "run {id} not {} after {limit:?}: {seen:?}", state.as_str());
+            ensure!(
+                start.elapsed() < limit,
+                "run {id} not {} after {limit:?}: {seen:?}",
+                state.as_str()
+            );
             tokio::time::sleep(Duration::from_millis(50)).await;
         }
     }
@@ -141,7 +170,11 @@ impl System {
         let response = self.http.get(format!("{}{path}", self.base)).send().await?;
         let status = response.status();
         let body = response.bytes().await?;
-        ensure!(status.is_success(), "GET {path}: {status}: {}", String::from_utf8_lossy(&body));
+        ensure!(
+            status.is_success(),
+            "GET {path}: {status}: {}",
+            String::from_utf8_lossy(&body)
+        );
         Ok(body.to_vec())
     }
 
@@ -205,7 +238,10 @@ fn up_program() -> anyhow::Result<PathBuf> {
         return Ok(path.into());
     }
     let own = std::env::current_exe()?;
-    let found = own.ancestors().map(|folder| folder.join("xtask")).find(|path| path.is_file());
+    let found = own
+        .ancestors()
+        .map(|folder| folder.join("xtask"))
+        .find(|path| path.is_file());
     found.context("no program xtask beside the tests: run them with `cargo xtask test`")
 }
 
@@ -213,6 +249,10 @@ fn up_program() -> anyhow::Result<PathBuf> {
 fn signal(pid: i32, signal: i32) -> anyhow::Result<()> {
     ensure!(pid > 1, "refusing to signal process {pid}");
     // SAFETY: kill takes two integers and touches no memory of ours.
-    ensure!(unsafe { libc::kill(pid, signal) } == 0, "cannot signal {pid}: {}", std::io::Error::last_os_error());
+    ensure!(
+        unsafe { libc::kill(pid, signal) } == 0,
+        "cannot signal {pid}: {}",
+        std::io::Error::last_os_error()
+    );
     Ok(())
 }

@@ -18,15 +18,24 @@ fn experiment(duration_s: f64) -> Value {
 /// One run in which `process` is killed in mid motion; returns how the run ended.
 async fn killed_run(system: &System, process: &str) -> anyhow::Result<RunView> {
     let id = system.submit(&experiment(12.0), None).await?;
-    let run = system.wait_for_state(id, RunState::Running, Duration::from_secs(60)).await?;
-    anyhow::ensure!(run.state == RunState::Running, "{process}: ended early: {:?}", run.fault);
+    let run = system
+        .wait_for_state(id, RunState::Running, Duration::from_secs(60))
+        .await?;
+    anyhow::ensure!(
+        run.state == RunState::Running,
+        "{process}: ended early: {:?}",
+        run.fault
+    );
     tokio::time::sleep(Duration::from_secs(2)).await; // let it record something: two seconds of motion
     let before = system.up_file()?.pids;
     system.kill_9(process)?;
     let run = system.wait_until_ended(id, Duration::from_secs(60)).await?;
     let after = system.up_file()?.pids;
     for other in PROCESSES.iter().filter(|name| **name != process) {
-        anyhow::ensure!(before.get(*other) == after.get(*other), "killing {process} took {other} with it");
+        anyhow::ensure!(
+            before.get(*other) == after.get(*other),
+            "killing {process} took {other} with it"
+        );
     }
     Ok(run)
 }
@@ -36,7 +45,10 @@ async fn any_one_process_may_die_during_a_run() -> anyhow::Result<()> {
     let system = System::start("kill").await?;
     for process in PROCESSES {
         let run = killed_run(&system, process).await?;
-        let fault = run.fault.as_ref().map(|fault| (fault.whose, fault.code.as_str(), fault.message.as_str()));
+        let fault = run
+            .fault
+            .as_ref()
+            .map(|fault| (fault.whose, fault.code.as_str(), fault.message.as_str()));
         println!("killed {process}: run ended {} {fault:?}", run.state.as_str());
         match run.state {
             // Nothing was lost: the laboratory carried on alone until the process was back.
@@ -62,7 +74,12 @@ async fn any_one_process_may_die_during_a_run() -> anyhow::Result<()> {
         // And the next run works by itself.
         let next = system.submit(&experiment(2.0), None).await?;
         let next = system.wait_until_ended(next, Duration::from_secs(90)).await?;
-        anyhow::ensure!(next.state == RunState::Done, "after {process}: {} {:?}", next.state.as_str(), next.fault);
+        anyhow::ensure!(
+            next.state == RunState::Done,
+            "after {process}: {} {:?}",
+            next.state.as_str(),
+            next.fault
+        );
     }
     let left = system.stop()?;
     anyhow::ensure!(left.is_empty(), "left behind: {left:?}");

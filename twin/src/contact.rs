@@ -5,8 +5,9 @@
 //! gives rapier the pose before and the velocity after; what rapier changes is the impulse of the collision.
 
 use rapier2d_f64::prelude::{
-    BroadPhaseBvh, CCDSolver, ColliderBuilder, ColliderSet, ImpulseJointSet, IntegrationParameters, IslandManager, MassProperties, MultibodyJointSet,
-    NarrowPhase, PhysicsPipeline, RigidBodyBuilder, RigidBodyHandle, RigidBodySet, SoftBodySet, Vector,
+    BroadPhaseBvh, CCDSolver, ColliderBuilder, ColliderSet, ImpulseJointSet, IntegrationParameters, IslandManager,
+    MassProperties, MultibodyJointSet, NarrowPhase, PhysicsPipeline, RigidBodyBuilder, RigidBodyHandle, RigidBodySet,
+    SoftBodySet, Vector,
 };
 
 use crate::command::WheelCommand;
@@ -55,7 +56,11 @@ pub(crate) struct Sweep {
 
 impl Sweep {
     pub(crate) fn new(count: usize) -> Sweep {
-        Sweep { order: (0..count as u32).collect(), near: vec![false; count], involved: Vec::with_capacity(count) }
+        Sweep {
+            order: (0..count as u32).collect(),
+            near: vec![false; count],
+            involved: Vec::with_capacity(count),
+        }
     }
 
     pub(crate) fn find(&mut self, arena: &Arena, states: &[BodyState], radii_m: &[f64], reach_m: f64) {
@@ -92,7 +97,8 @@ impl Sweep {
             }
         }
         self.involved.clear();
-        self.involved.extend((0..states.len() as u32).filter(|robot| self.near[*robot as usize]));
+        self.involved
+            .extend((0..states.len() as u32).filter(|robot| self.near[*robot as usize]));
     }
 }
 
@@ -147,16 +153,29 @@ impl Solver {
         ];
         for (x, y, half_x, half_y) in sides {
             let wall = ColliderBuilder::cuboid(half_x, half_y).translation(Vector::new(x, y));
-            self.colliders.insert(wall.friction(HULL_FRICTION).restitution(0.0).user_data(WALL_MARK).build());
+            self.colliders.insert(
+                wall.friction(HULL_FRICTION)
+                    .restitution(0.0)
+                    .user_data(WALL_MARK)
+                    .build(),
+            );
         }
     }
 
     fn add_robot(&mut self, robot: u32, model: &Model, radius_m: f64) -> RigidBodyHandle {
         let mass = MassProperties::new(Vector::new(0.0, 0.0), model.mass_kg, model.yaw_inertia_kg_m2);
-        let body = RigidBodyBuilder::dynamic().additional_mass_properties(mass).gravity_scale(0.0).can_sleep(false);
+        let body = RigidBodyBuilder::dynamic()
+            .additional_mass_properties(mass)
+            .gravity_scale(0.0)
+            .can_sleep(false);
         let handle = self.bodies.insert(body.build());
-        let hull = ColliderBuilder::ball(radius_m).density(0.0).friction(HULL_FRICTION).restitution(0.0).user_data(u128::from(robot));
-        self.colliders.insert_with_parent(hull.build(), handle, &mut self.bodies);
+        let hull = ColliderBuilder::ball(radius_m)
+            .density(0.0)
+            .friction(HULL_FRICTION)
+            .restitution(0.0)
+            .user_data(u128::from(robot));
+        self.colliders
+            .insert_with_parent(hull.build(), handle, &mut self.bodies);
         handle
     }
 
@@ -180,7 +199,11 @@ impl Solver {
 
     /// Pairs with an impulse in the last step, in order.
     fn touching(&self) -> Vec<Contact> {
-        let mark = |handle| self.colliders.get(handle).map_or(WALL_MARK, |collider| collider.user_data);
+        let mark = |handle| {
+            self.colliders
+                .get(handle)
+                .map_or(WALL_MARK, |collider| collider.user_data)
+        };
         let mut pairs: Vec<Contact> = Vec::new();
         for pair in self.narrow_phase.contact_pairs() {
             if pair.total_impulse_magnitude() <= 0.0 {
@@ -188,7 +211,10 @@ impl Solver {
             }
             let (first, second) = (mark(pair.collider1), mark(pair.collider2));
             let (a, b) = (first.min(second), first.max(second));
-            pairs.push(Contact { a: a as u32, b: if b == WALL_MARK { None } else { Some(b as u32) } });
+            pairs.push(Contact {
+                a: a as u32,
+                b: if b == WALL_MARK { None } else { Some(b as u32) },
+            });
         }
         pairs.sort();
         pairs.dedup();
@@ -208,7 +234,10 @@ pub(crate) fn resolve_tick(
     let (models, radii_m) = bodies;
     let mut solver = Solver::new();
     solver.add_walls(arena);
-    let handles: Vec<RigidBodyHandle> = involved.iter().map(|robot| solver.add_robot(*robot, &models[*robot as usize], radii_m[*robot as usize])).collect();
+    let handles: Vec<RigidBodyHandle> = involved
+        .iter()
+        .map(|robot| solver.add_robot(*robot, &models[*robot as usize], radii_m[*robot as usize]))
+        .collect();
     let mut befores: Vec<BodyState> = involved.iter().map(|robot| states[*robot as usize]).collect();
     for _ in 0..SUBSTEPS {
         for (slot, robot) in involved.iter().enumerate() {
@@ -220,8 +249,16 @@ pub(crate) fn resolve_tick(
         solver.step();
         let touching = solver.touching();
         for (slot, robot) in involved.iter().enumerate() {
-            if touching.iter().any(|contact| contact.a == *robot || contact.b == Some(*robot)) {
-                unload(&solver.bodies, handles[slot], &befores[slot], &mut states[*robot as usize]);
+            if touching
+                .iter()
+                .any(|contact| contact.a == *robot || contact.b == Some(*robot))
+            {
+                unload(
+                    &solver.bodies,
+                    handles[slot],
+                    &befores[slot],
+                    &mut states[*robot as usize],
+                );
             }
         }
         contacts.extend(touching);
@@ -233,7 +270,10 @@ pub(crate) fn resolve_tick(
 /// Pose before the step, velocity after it.
 fn load(bodies: &mut RigidBodySet, handle: RigidBodyHandle, before: &BodyState, after: &BodyState) {
     let Some(body) = bodies.get_mut(handle) else { return };
-    let velocity = Vector::new(after.u * after.cos_yaw - after.v * after.sin_yaw, after.u * after.sin_yaw + after.v * after.cos_yaw);
+    let velocity = Vector::new(
+        after.u * after.cos_yaw - after.v * after.sin_yaw,
+        after.u * after.sin_yaw + after.v * after.cos_yaw,
+    );
     body.set_translation(Vector::new(before.x_m, before.y_m), true);
     body.set_linvel(velocity, true);
     body.set_angvel(after.r, true);

@@ -33,15 +33,27 @@ pub struct FreeRobot {
 impl FreeRobot {
     /// A robot at rest.
     pub fn at_rest(robot: &Robot, pose: Pose) -> FreeRobot {
-        FreeRobot { model: robot.model().clone(), state: BodyState::at_rest(pose), steps: 0, refinement: 1 }
+        FreeRobot {
+            model: robot.model().clone(),
+            state: BodyState::at_rest(pose),
+            steps: 0,
+            refinement: 1,
+        }
     }
 
     /// A robot in motion.
     pub fn moving(robot: &Robot, start: &Start) -> FreeRobot {
         let mut free = FreeRobot::at_rest(robot, start.pose);
         let (model, state) = (&free.model, &mut free.state);
-        (state.u, state.v, state.r) = (start.twist.forward_m_per_s, start.twist.left_m_per_s, start.twist.yaw_rate_rad_per_s);
-        state.steering_rad = model.steering.as_ref().map_or(0.0, |steering| steering.limited_rad(start.steering_rad));
+        (state.u, state.v, state.r) = (
+            start.twist.forward_m_per_s,
+            start.twist.left_m_per_s,
+            start.twist.yaw_rate_rad_per_s,
+        );
+        state.steering_rad = model
+            .steering
+            .as_ref()
+            .map_or(0.0, |steering| steering.limited_rad(start.steering_rad));
         for lane in 0..model.lanes {
             let wheel = model.wheel_of_lane[lane];
             state.wheel[lane] = start.wheel_rad_per_s[wheel];
@@ -81,7 +93,8 @@ impl FreeRobot {
     /// Kinetic energy of body and wheels, J.
     pub fn kinetic_energy_j(&self) -> f64 {
         let s = &self.state;
-        let mut energy = 0.5 * self.model.mass_kg * (s.u * s.u + s.v * s.v) + 0.5 * self.model.yaw_inertia_kg_m2 * s.r * s.r;
+        let mut energy =
+            0.5 * self.model.mass_kg * (s.u * s.u + s.v * s.v) + 0.5 * self.model.yaw_inertia_kg_m2 * s.r * s.r;
         for lane in 0..self.model.lanes {
             energy += 0.5 * self.model.spin_inertia_kg_m2[lane] * s.wheel[lane] * s.wheel[lane];
         }
@@ -124,7 +137,8 @@ fn sample_controls(model: &Model, state: &mut BodyState, command: &WheelCommand)
         let wanted = command.wheel_rad_per_s[model.wheel_of_lane[lane]];
         match &model.motor {
             Some(motor) if model.driven[lane] => {
-                (state.integral[lane], state.voltage[lane]) = motor.sample(wanted - state.wheel[lane], state.integral[lane]);
+                (state.integral[lane], state.voltage[lane]) =
+                    motor.sample(wanted - state.wheel[lane], state.integral[lane]);
             }
             None if model.driven[lane] => state.wheel[lane] = wanted,
             _ => {}

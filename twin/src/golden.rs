@@ -18,11 +18,26 @@ pub struct Golden {
 
 /// Digests of [`run`], the same on every platform.
 pub const TABLE: [Golden; 5] = [
-    Golden { name: "omni4-alone", digest: "c6c15426df99c8dc849af870f2e60c25" },
-    Golden { name: "diff2-alone", digest: "21ecb8eb20fd87f0b3bdcabb81b14a2a" },
-    Golden { name: "awd-slippery", digest: "74c0685e1769e313790ee075bd67b4b0" },
-    Golden { name: "head-on", digest: "95b8fd347da246b22b064c00e990f4f4" },
-    Golden { name: "pile-up", digest: "3fd6dc558a507841ccf3cd306ada407d" },
+    Golden {
+        name: "omni4-alone",
+        digest: "c6c15426df99c8dc849af870f2e60c25",
+    },
+    Golden {
+        name: "diff2-alone",
+        digest: "21ecb8eb20fd87f0b3bdcabb81b14a2a",
+    },
+    Golden {
+        name: "awd-slippery",
+        digest: "74c0685e1769e313790ee075bd67b4b0",
+    },
+    Golden {
+        name: "head-on",
+        digest: "95b8fd347da246b22b064c00e990f4f4",
+    },
+    Golden {
+        name: "pile-up",
+        digest: "3fd6dc558a507841ccf3cd306ada407d",
+    },
 ];
 
 /// Why a scenario did not run.
@@ -49,9 +64,19 @@ pub fn run(name: &str) -> Result<Digest, GoldenError> {
         placed.push((Robot::new(description)?, pose, 0.25));
     }
     let robots: Vec<Robot> = placed.iter().map(|(robot, _, _)| robot.clone()).collect();
-    let mut world = World::new(Arena { width_m: 4.0, height_m: 3.0 }, placed)?;
+    let mut world = World::new(
+        Arena {
+            width_m: 4.0,
+            height_m: 3.0,
+        },
+        placed,
+    )?;
     for tick in 0..TICKS {
-        let commands: Vec<WheelCommand> = robots.iter().enumerate().map(|(index, robot)| command(robot, index, tick)).collect();
+        let commands: Vec<WheelCommand> = robots
+            .iter()
+            .enumerate()
+            .map(|(index, robot)| command(robot, index, tick))
+            .collect();
         world.step(&commands)?;
     }
     Ok(world.digest())
@@ -107,7 +132,11 @@ pub fn reference_robot(chassis: &str) -> RobotDescription {
             speed_loop_kp_v_s_per_rad: 0.8,
             speed_loop_ki_v_per_rad: 6.0,
         }),
-        steering: car.then_some(Steering { lag_s: 0.08, rate_limit_rad_per_s: Some(6.0), angle_limit_rad: Some(0.5) }),
+        steering: car.then_some(Steering {
+            lag_s: 0.08,
+            rate_limit_rad_per_s: Some(6.0),
+            angle_limit_rad: Some(0.5),
+        }),
         floor_friction: 0.8,
         noise: None,
     }
@@ -126,9 +155,14 @@ fn reference_wheels(chassis: &str) -> Vec<Wheel> {
         steered,
     };
     match chassis {
-        "omni4" => [(0.12, 0.12, 3.0), (-0.12, 0.12, 5.0), (-0.12, -0.12, 7.0), (0.12, -0.12, 9.0)]
-            .map(|(x, y, turns)| wheel(x, y, turns, "omni", true, false))
-            .to_vec(),
+        "omni4" => [
+            (0.12, 0.12, 3.0),
+            (-0.12, 0.12, 5.0),
+            (-0.12, -0.12, 7.0),
+            (0.12, -0.12, 9.0),
+        ]
+        .map(|(x, y, turns)| wheel(x, y, turns, "omni", true, false))
+        .to_vec(),
         "diff2" => vec![
             wheel(0.0, 0.15, 0.0, "standard", true, false),
             wheel(0.0, -0.15, 0.0, "standard", true, false),

@@ -21,11 +21,11 @@ use crate::{COULOMB_SCALE_RAD_PER_S, MAX_WHEELS, SLIP_SCALE_M_PER_S};
 
 /// 1 - 1/sqrt 2.
 const GAMMA: f64 = 0.292_893_218_813_452_5;
-/// Largest change of a slip in the last iteration, m/s; the error left is quadratic in it (about 5e-9 m/s).
-const TOLERANCE_M_PER_S: f64 = 1e-5;
+/// Largest change of a slip in the last iteration, m/s; the error left is quadratic in it (below 1e-6 m/s).
+const TOLERANCE_M_PER_S: f64 = 1e-4;
 /// A slip that moved less than this is followed by a Newton iteration, else by a secant one, m/s.
 const NEWTON_RANGE_M_PER_S: f64 = 0.5 * SLIP_SCALE_M_PER_S;
-/// Bound on the iterations of one stage; tests see below 12.
+/// Bound on the iterations of one stage.
 const MAX_ITERATIONS: u32 = 40;
 /// Parts of a physics step at the finest.
 const FINEST: u32 = 64;
@@ -51,6 +51,15 @@ struct Step<'a, const N: usize> {
     grip: [f64; N],
     /// V_i, held during the step.
     voltage: [f64; N],
+}
+
+/// Forces of all contacts, N, and their slopes over the slip, N s/m.
+struct Contacts<const N: usize> {
+    force_l: [f64; N],
+    force_t: [f64; N],
+    d_ll: [f64; N],
+    d_lt: [f64; N],
+    d_tt: [f64; N],
 }
 
 /// Sums over the wheels in one iteration: the 3 x 3 matrix and its right-hand side, without the body's own terms.
@@ -86,8 +95,16 @@ pub(crate) fn advance(model: &Model, state: &mut BodyState, period_s: f64) -> u3
 }
 
 fn advance_lanes<const N: usize>(model: &Model, geometry: &Geometry, state: &mut BodyState, period_s: f64) -> u32 {
-    let mut step = Step::<N> { model, geometry, grip: [0.0; N], voltage: [0.0; N] };
-    let mut now = Stage::<N> { z: [state.u, state.v, state.r], wheel: [0.0; N] };
+    let mut step = Step::<N> {
+        model,
+        geometry,
+        grip: [0.0; N],
+        voltage: [0.0; N],
+    };
+    let mut now = Stage::<N> {
+        z: [state.u, state.v, state.r],
+        wheel: [0.0; N],
+    };
     for i in 0..N {
         step.voltage[i] = state.voltage[i];
         now.wheel[i] = state.wheel[i];
@@ -139,10 +156,17 @@ fn extrapolated<const N: usize>(start: &Stage<N>, first: &Stage<N>, factor: f64)
 #[inline(always)]
 fn finish<const N: usize>(state: &mut BodyState, start: &Stage<N>, first: &Stage<N>, second: &Stage<N>, part_s: f64) {
     let mean = |a: f64, b: f64| (1.0 - GAMMA) * a + GAMMA * b;
-    let end_rate = |j: usize| (second.z[j] - start.z[j] - (1.0 - GAMMA) / GAMMA * (first.z[j] - start.z[j])) / (GAMMA * part_s);
+    let end_rate =
+        |j: usize| (second.z[j] - start.z[j] - (1.0 - GAMMA) / GAMMA * (first.z[j] - start.z[j])) / (GAMMA * part_s);
     state.accel_x = end_rate(0) - second.z[2] * second.z[1];
     state.accel_y = end_rate(1) + second.z[2] * second.z[0];
-    move_pose(state, mean(first.z[0], second.z[0]), mean(first.z[1], second.z[1]), mean(first.z[2], second.z[2]), part_s);
+    move_pose(
+        state,
+        mean(first.z[0], second.z[0]),
+        mean(first.z[1], second.z[1]),
+        mean(first.z[2], second.z[2]),
+        part_s,
+    );
     for i in 0..N {
         state.angle[i] += part_s * mean(first.wheel[i], second.wheel[i]);
     }
@@ -164,7 +188,11 @@ fn settle<const N: usize>(model: &Model, state: &mut BodyState, end: &Stage<N>) 
 #[inline(always)]
 pub(crate) fn move_pose(state: &mut BodyState, u: f64, v: f64, r: f64, period_s: f64) {
     let half = 0.5 * r * period_s;
-    let (sin, cos) = if half.abs() <= 0.25 { math::sin_cos_small(half) } else { libm::sincos(half) };
+    let (sin, cos) = if half.abs() <= 0.25 {
+        math::sin_cos_small(half)
+    } else {
+        libm::sincos(half)
+    };
     let chord = if half.abs() > 1e-6 { sin / half } else { 1.0 };
     let middle_cos = state.cos_yaw * cos - state.sin_yaw * sin;
     let middle_sin = state.sin_yaw * cos + state.cos_yaw * sin;
@@ -181,7 +209,11 @@ impl<const N: usize> Step<'_, N> {
     fn set_loads(&mut self, state: &BodyState) {
         let loads = self.model.load.loads_n(state.accel_x, state.accel_y);
         for i in 0..N {
-            let present = if i < self.model.lanes { self.model.floor_friction / SLIP_SCALE_M_PER_S } else { 0.0 };
+            let present = if i < self.model.lanes {
+                self.model.floor_friction / SLIP_SCALE_M_PER_S
+            } else {
+                0.0
+            };
             self.grip[i] = present * loads[i];
         }
     }
@@ -194,7 +226,11 @@ impl<const N: usize> Step<'_, N> {
     fn error(&self, start: &Stage<N>, first: &Stage<N>, second: &Stage<N>, force: [f64; 3], k: f64) -> f64 {
         let m = self.model;
         let [u, v, r] = start.z;
-        let begin = [k * (force[0] / m.mass_kg + r * v), k * (force[1] / m.mass_kg - r * u), k * force[2] / m.yaw_inertia_kg_m2];
+        let begin = [
+            k * (force[0] / m.mass_kg + r * v),
+            k * (force[1] / m.mass_kg - r * u),
+            k * force[2] / m.yaw_inertia_kg_m2,
+        ];
         let scale = [1.0, 1.0, m.lever_m];
         let mut body = 0.0_f64;
         for j in 0..3 {
@@ -240,89 +276,128 @@ impl<const N: usize> Step<'_, N> {
 
     /// One Newton (tangent 1) or secant (tangent 0) iteration; returns the largest change of a slip, m/s, and the
     /// sum of the contact forces before it.
+    ///
+    /// Short passes over all wheels, so that the compiler takes several wheels at once.
     #[inline(always)]
-    fn iterate(&self, base: &Stage<N>, y: &mut Stage<N>, k: f64, tangent: &[f64; N], moved: &mut [f64; N]) -> (f64, [f64; 3]) {
+    fn iterate(
+        &self,
+        base: &Stage<N>,
+        y: &mut Stage<N>,
+        k: f64,
+        tangent: &[f64; N],
+        moved: &mut [f64; N],
+    ) -> (f64, [f64; 3]) {
         let (m, g) = (self.model, self.geometry);
-        let [u, v, r] = y.z;
+        let contact = self.contact(y, tangent);
+        let (torque, torque_slope) = self.drive(&y.wheel);
+        let (mut gain, mut residual, mut alpha, mut beta, mut delta, mut shift) =
+            ([0.0; N], [0.0; N], [0.0; N], [0.0; N], [0.0; N], [0.0; N]);
+        for i in 0..N {
+            let (radius, inertia) = (m.radius_m[i], m.spin_inertia_kg_m2[i]);
+            residual[i] = inertia * (y.wheel[i] - base.wheel[i]) - k * (torque[i] - radius * contact.force_l[i]);
+            let reach = k * radius * radius;
+            gain[i] = m.free[i] / (inertia + k * torque_slope[i] + reach * contact.d_ll[i]);
+            let kept = 1.0 - reach * gain[i] * contact.d_ll[i];
+            alpha[i] = contact.d_ll[i] * kept;
+            beta[i] = contact.d_lt[i] * kept;
+            delta[i] = contact.d_tt[i] - reach * gain[i] * contact.d_lt[i] * contact.d_lt[i];
+            shift[i] = radius * gain[i] * residual[i];
+        }
         let mut sums = Sums::default();
-        let mut wheel_gain = [0.0; N];
-        let mut wheel_residual = [0.0; N];
-        let mut slope_ll = [0.0; N];
-        let mut slope_lt = [0.0; N];
         for i in 0..N {
-            let (cos, sin, radius) = (g.cos[i], g.sin[i], m.radius_m[i]);
-            let slip_l = radius * y.wheel[i] - (cos * u + sin * v + g.arm_along_m[i] * r);
-            let slip_t = -m.lateral[i] * (cos * v - sin * u + g.arm_across_m[i] * r);
-            let (ql, qt) = (slip_l / SLIP_SCALE_M_PER_S, slip_t / SLIP_SCALE_M_PER_S);
-            let q2 = ql * ql + qt * qt + TINY;
-            let q = q2.sqrt();
-            let t = math::tanh(q);
-            let secant = t / q;
-            let bend = tangent[i] * ((1.0 - t * t) - secant) / q2;
-            let grip = self.grip[i];
-            let (force_l, force_t) = (grip * secant * slip_l, grip * secant * slip_t);
-            let d_ll = grip * (secant + bend * ql * ql);
-            let d_lt = grip * bend * ql * qt;
-            let d_tt = m.lateral[i] * grip * (secant + bend * qt * qt);
-
-            let (torque, torque_slope) = self.drive(i, y.wheel[i]);
-            let inertia = m.spin_inertia_kg_m2[i];
-            let residual = inertia * (y.wheel[i] - base.wheel[i]) - k * (torque - radius * force_l);
-            let stiff = inertia + k * torque_slope;
-            let gain = m.free[i] / (stiff + k * radius * radius * d_ll);
-            let kept = 1.0 - k * radius * radius * gain * d_ll;
-            let alpha = d_ll * kept;
-            let beta = d_lt * kept;
-            let delta = d_tt - k * radius * radius * gain * d_lt * d_lt;
-            let shift = radius * gain * residual;
-
-            let a = [cos, sin, g.arm_along_m[i]];
-            let b = [-sin, cos, g.arm_across_m[i]];
-            sums.s00 += alpha * a[0] * a[0] + 2.0 * beta * a[0] * b[0] + delta * b[0] * b[0];
-            sums.s01 += alpha * a[0] * a[1] + beta * (a[0] * b[1] + a[1] * b[0]) + delta * b[0] * b[1];
-            sums.s02 += alpha * a[0] * a[2] + beta * (a[0] * b[2] + a[2] * b[0]) + delta * b[0] * b[2];
-            sums.s11 += alpha * a[1] * a[1] + 2.0 * beta * a[1] * b[1] + delta * b[1] * b[1];
-            sums.s12 += alpha * a[1] * a[2] + beta * (a[1] * b[2] + a[2] * b[1]) + delta * b[1] * b[2];
-            sums.s22 += alpha * a[2] * a[2] + 2.0 * beta * a[2] * b[2] + delta * b[2] * b[2];
+            let a = [g.cos[i], g.sin[i], g.arm_along_m[i]];
+            let b = [-g.sin[i], g.cos[i], g.arm_across_m[i]];
+            // S += alpha A A' + beta (A B' + B A') + delta B B'
+            let (mut along, mut across) = ([0.0; 3], [0.0; 3]);
             for j in 0..3 {
-                sums.force[j] += force_l * a[j] + force_t * b[j];
-                sums.reduced[j] += shift * (d_ll * a[j] + d_lt * b[j]);
+                along[j] = alpha[i] * a[j] + beta[i] * b[j];
+                across[j] = beta[i] * a[j] + delta[i] * b[j];
+                sums.force[j] += contact.force_l[i] * a[j] + contact.force_t[i] * b[j];
+                sums.reduced[j] += shift[i] * (contact.d_ll[i] * a[j] + contact.d_lt[i] * b[j]);
             }
-            wheel_gain[i] = gain;
-            wheel_residual[i] = residual;
-            slope_ll[i] = d_ll;
-            slope_lt[i] = d_lt;
+            sums.s00 += along[0] * a[0] + across[0] * b[0];
+            sums.s01 += along[0] * a[1] + across[0] * b[1];
+            sums.s02 += along[0] * a[2] + across[0] * b[2];
+            sums.s11 += along[1] * a[1] + across[1] * b[1];
+            sums.s12 += along[1] * a[2] + across[1] * b[2];
+            sums.s22 += along[2] * a[2] + across[2] * b[2];
         }
-        let dz = self.body_change(base, y, k, &sums);
-        let mut largest = 0.0_f64;
+        let [du, dv, dr] = self.body_change(base, y, k, &sums);
         for i in 0..N {
-            let along = g.cos[i] * dz[0] + g.sin[i] * dz[1] + g.arm_along_m[i] * dz[2];
-            let across = g.cos[i] * dz[1] - g.sin[i] * dz[0] + g.arm_across_m[i] * dz[2];
-            let pull = k * m.radius_m[i] * (slope_ll[i] * along + slope_lt[i] * across);
-            let change = wheel_gain[i] * (pull - wheel_residual[i]);
+            let along = g.cos[i] * du + g.sin[i] * dv + g.arm_along_m[i] * dr;
+            let across = g.cos[i] * dv - g.sin[i] * du + g.arm_across_m[i] * dr;
+            let pull = k * m.radius_m[i] * (contact.d_ll[i] * along + contact.d_lt[i] * across);
+            let change = gain[i] * (pull - residual[i]);
             y.wheel[i] += change;
-            let slip = (m.radius_m[i] * change - along).abs() + m.lateral[i] * across.abs();
-            moved[i] = slip;
-            largest = if slip > largest { slip } else { largest };
+            moved[i] = (m.radius_m[i] * change - along).abs() + m.lateral[i] * across.abs();
         }
-        for j in 0..3 {
-            y.z[j] += dz[j];
-        }
+        y.z = [y.z[0] + du, y.z[1] + dv, y.z[2] + dr];
+        let largest = moved
+            .iter()
+            .fold(0.0_f64, |largest, slip| if *slip > largest { *slip } else { largest });
         (largest, sums.force)
     }
 
-    /// Torque on the wheel but for the contact, N m, and minus its slope over the wheel speed, N m s.
+    /// Contact forces and their slopes over the slip.
     #[inline(always)]
-    fn drive(&self, i: usize, wheel: f64) -> (f64, f64) {
+    fn contact(&self, y: &Stage<N>, tangent: &[f64; N]) -> Contacts<N> {
+        let (m, g) = (self.model, self.geometry);
+        let [u, v, r] = y.z;
+        let (mut ql, mut qt, mut q2, mut t) = ([0.0; N], [0.0; N], [0.0; N], [0.0; N]);
+        const PER_SCALE: f64 = 1.0 / SLIP_SCALE_M_PER_S;
+        for i in 0..N {
+            ql[i] = PER_SCALE * (m.radius_m[i] * y.wheel[i] - (g.cos[i] * u + g.sin[i] * v + g.arm_along_m[i] * r));
+            qt[i] = -PER_SCALE * m.lateral[i] * (g.cos[i] * v - g.sin[i] * u + g.arm_across_m[i] * r);
+            q2[i] = ql[i] * ql[i] + qt[i] * qt[i] + TINY;
+        }
+        let q = q2.map(f64::sqrt);
+        for i in 0..N {
+            t[i] = math::tanh(q[i]);
+        }
+        let mut out = Contacts {
+            force_l: [0.0; N],
+            force_t: [0.0; N],
+            d_ll: [0.0; N],
+            d_lt: [0.0; N],
+            d_tt: [0.0; N],
+        };
+        for i in 0..N {
+            let secant = t[i] / q[i];
+            let bend = tangent[i] * ((1.0 - t[i] * t[i]) - secant) / q2[i];
+            let grip = self.grip[i];
+            out.force_l[i] = SLIP_SCALE_M_PER_S * grip * secant * ql[i];
+            out.force_t[i] = SLIP_SCALE_M_PER_S * grip * secant * qt[i];
+            out.d_ll[i] = grip * (secant + bend * ql[i] * ql[i]);
+            out.d_lt[i] = grip * bend * ql[i] * qt[i];
+            out.d_tt[i] = m.lateral[i] * grip * (secant + bend * qt[i] * qt[i]);
+        }
+        out
+    }
+
+    /// Torques on the wheels but for the contact, N m, and minus their slopes over the wheel speed, N m s.
+    #[inline(always)]
+    fn drive(&self, wheel: &[f64; N]) -> ([f64; N], [f64; N]) {
         let m = self.model;
-        let t = math::tanh(wheel / COULOMB_SCALE_RAD_PER_S);
-        let mut torque = -m.viscous_n_m_s[i] * wheel - m.coulomb_n_m[i] * t;
-        let mut slope = m.viscous_n_m_s[i] + m.coulomb_n_m[i] * (1.0 - t * t) / COULOMB_SCALE_RAD_PER_S;
+        let (mut torque, mut slope, mut t) = ([0.0; N], [0.0; N], [0.0; N]);
+        for i in 0..N {
+            t[i] = math::tanh(wheel[i] * (1.0 / COULOMB_SCALE_RAD_PER_S));
+        }
+        for i in 0..N {
+            torque[i] = -m.viscous_n_m_s[i] * wheel[i] - m.coulomb_n_m[i] * t[i];
+            slope[i] = m.viscous_n_m_s[i] + m.coulomb_n_m[i] * (1.0 - t[i] * t[i]) * (1.0 / COULOMB_SCALE_RAD_PER_S);
+        }
         if let Some(motor) = &m.motor {
-            let current = motor.current_a(self.voltage[i], wheel);
-            let inside = if current.abs() < motor.current_limit_a { m.powered[i] } else { 0.0 };
-            torque += m.powered[i] * motor.torque_per_current * current;
-            slope += inside * motor.torque_per_current * motor.torque_per_current * motor.per_ohm;
+            let stall = motor.torque_per_current * motor.torque_per_current * motor.per_ohm;
+            for i in 0..N {
+                let current = motor.current_a(self.voltage[i], wheel[i]);
+                let inside = if current.abs() < motor.current_limit_a {
+                    m.powered[i]
+                } else {
+                    0.0
+                };
+                torque[i] += m.powered[i] * motor.torque_per_current * current;
+                slope[i] += inside * stall;
+            }
         }
         (torque, slope)
     }
@@ -350,9 +425,12 @@ impl<const N: usize> Step<'_, N> {
         let c02 = a10 * a21 - a11 * a20;
         let per_determinant = 1.0 / (a00 * c00 + a01 * c01 + a02 * c02);
         [
-            per_determinant * (right[0] * c00 + right[1] * (a02 * a21 - a01 * a22) + right[2] * (a01 * a12 - a02 * a11)),
-            per_determinant * (right[0] * c01 + right[1] * (a00 * a22 - a02 * a20) + right[2] * (a02 * a10 - a00 * a12)),
-            per_determinant * (right[0] * c02 + right[1] * (a01 * a20 - a00 * a21) + right[2] * (a00 * a11 - a01 * a10)),
+            per_determinant
+                * (right[0] * c00 + right[1] * (a02 * a21 - a01 * a22) + right[2] * (a01 * a12 - a02 * a11)),
+            per_determinant
+                * (right[0] * c01 + right[1] * (a00 * a22 - a02 * a20) + right[2] * (a02 * a10 - a00 * a12)),
+            per_determinant
+                * (right[0] * c02 + right[1] * (a01 * a20 - a00 * a21) + right[2] * (a00 * a11 - a01 * a10)),
         ]
     }
 }

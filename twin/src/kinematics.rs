@@ -37,7 +37,10 @@ pub(crate) fn wheel_speeds(model: &Model, twist: BodyTwist, last_steering_rad: f
 }
 
 pub(crate) fn twist_of_wheels(model: &Model, command: &WheelCommand) -> BodyTwist {
-    let steering_rad = model.steering.as_ref().map_or(0.0, |steering| steering.limited_rad(command.steering_rad));
+    let steering_rad = model
+        .steering
+        .as_ref()
+        .map_or(0.0, |steering| steering.limited_rad(command.steering_rad));
     let geometry = model.geometry_at(steering_rad);
     let mut normal = SMatrix::<f64, 3, 3>::zeros();
     let mut right = SVector::<f64, 3>::zeros();
@@ -53,5 +56,9 @@ pub(crate) fn twist_of_wheels(model: &Model, command: &WheelCommand) -> BodyTwis
         }
     }
     let z = solve_semidefinite(&normal, &right);
-    BodyTwist { forward_m_per_s: z[0], left_m_per_s: z[1], yaw_rate_rad_per_s: z[2] }
+    BodyTwist {
+        forward_m_per_s: z[0],
+        left_m_per_s: z[1],
+        yaw_rate_rad_per_s: z[2],
+    }
 }

@@ -56,11 +56,15 @@ impl LoadModel {
         let moment_y = -self.mass_kg * self.com_height_m * accel_y_m_per_s2;
         let mut loads = [0.0; MAX_WHEELS];
         let mut smallest = 0.0_f64;
-        for i in 0..MAX_WHEELS {
-            loads[i] = self.per_force[i] * force + self.per_moment_x[i] * moment_x + self.per_moment_y[i] * moment_y;
-            smallest = smallest.min(loads[i]);
+        for (i, load) in loads.iter_mut().enumerate() {
+            *load = self.per_force[i] * force + self.per_moment_x[i] * moment_x + self.per_moment_y[i] * moment_y;
+            smallest = smallest.min(*load);
         }
-        if smallest < 0.0 { self.lifted(SVector::<f64, 3>::new(force, moment_x, moment_y), loads) } else { loads }
+        if smallest < 0.0 {
+            self.lifted(SVector::<f64, 3>::new(force, moment_x, moment_y), loads)
+        } else {
+            loads
+        }
     }
 
     #[cold]

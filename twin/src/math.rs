@@ -52,9 +52,13 @@ fn exp_m1_small(f: f64) -> f64 {
 pub fn sin_cos_small(angle_rad: f64) -> (f64, f64) {
     let a2 = angle_rad * angle_rad;
     let sin = angle_rad
-        * (1.0 - a2 * (1.0 / 6.0 - a2 * (1.0 / 120.0 - a2 * (1.0 / 5_040.0 - a2 * (1.0 / 362_880.0 - a2 / 39_916_800.0)))));
+        * (1.0
+            - a2 * (1.0 / 6.0
+                - a2 * (1.0 / 120.0 - a2 * (1.0 / 5_040.0 - a2 * (1.0 / 362_880.0 - a2 / 39_916_800.0)))));
     let cos = 1.0
-        - a2 * (0.5 - a2 * (1.0 / 24.0 - a2 * (1.0 / 720.0 - a2 * (1.0 / 40_320.0 - a2 * (1.0 / 3_628_800.0 - a2 / 479_001_600.0)))));
+        - a2 * (0.5
+            - a2 * (1.0 / 24.0
+                - a2 * (1.0 / 720.0 - a2 * (1.0 / 40_320.0 - a2 * (1.0 / 3_628_800.0 - a2 / 479_001_600.0)))));
     (sin, cos)
 }
 
@@ -75,7 +79,10 @@ mod tests {
         }
         assert!(worst <= 4.0 * f64::EPSILON, "worst relative difference {worst:e}");
         for x in [1e-300, 1e-20, 1e-8, 21.0, 1e6, f64::MAX] {
-            assert!((tanh(x) - libm::tanh(x)).abs() <= 4.0 * f64::EPSILON * libm::tanh(x), "{x}");
+            assert!(
+                (tanh(x) - libm::tanh(x)).abs() <= 4.0 * f64::EPSILON * libm::tanh(x),
+                "{x}"
+            );
         }
         assert_eq!(tanh(0.0), 0.0);
     }
@@ -85,7 +92,10 @@ mod tests {
         for i in -1000..=1000_i32 {
             let a = f64::from(i) * 2.5e-4;
             let (s, c) = sin_cos_small(a);
-            assert!((s - libm::sin(a)).abs() < 2e-16 && (c - libm::cos(a)).abs() < 3e-16, "{a}");
+            assert!(
+                (s - libm::sin(a)).abs() < 2e-16 && (c - libm::cos(a)).abs() < 3e-16,
+                "{a}"
+            );
         }
     }
 }

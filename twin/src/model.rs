@@ -65,17 +65,28 @@ impl Model {
     pub(crate) fn new(robot: &RobotDescription) -> Result<Model, ParameterError> {
         let mut order: Vec<usize> = (0..robot.wheels.len().min(MAX_WHEELS)).collect();
         order.sort_by_key(|wheel| robot.wheels[*wheel].kind == "caster");
-        let positions: Vec<(f64, f64)> = order.iter().map(|wheel| (robot.wheels[*wheel].x_m, robot.wheels[*wheel].y_m)).collect();
+        let positions: Vec<(f64, f64)> = order
+            .iter()
+            .map(|wheel| (robot.wheels[*wheel].x_m, robot.wheels[*wheel].y_m))
+            .collect();
         let zero = [0.0; MAX_WHEELS];
         let mut model = Model {
-            lanes: order.iter().filter(|wheel| robot.wheels[**wheel].kind != "caster").count(),
+            lanes: order
+                .iter()
+                .filter(|wheel| robot.wheels[**wheel].kind != "caster")
+                .count(),
             wheel_of_lane: [0; MAX_WHEELS],
             mass_kg: robot.mass_kg,
             yaw_inertia_kg_m2: robot.yaw_inertia_kg_m2,
             lever_m: (robot.yaw_inertia_kg_m2 / robot.mass_kg).sqrt(),
             floor_friction: robot.floor_friction,
             load: LoadModel::new(&positions, robot.mass_kg, robot.com_height_m),
-            geometry: Geometry { cos: [1.0; MAX_WHEELS], sin: zero, arm_along_m: zero, arm_across_m: zero },
+            geometry: Geometry {
+                cos: [1.0; MAX_WHEELS],
+                sin: zero,
+                arm_along_m: zero,
+                arm_across_m: zero,
+            },
             x_m: zero,
             y_m: zero,
             radius_m: [1.0; MAX_WHEELS],
@@ -143,13 +154,21 @@ impl Model {
     /// Geometry at a bicycle angle.
     pub(crate) fn geometry_at(&self, steering_rad: f64) -> Geometry {
         let mut geometry = self.geometry.clone();
-        let Some(steering) = &self.steering else { return geometry };
+        let Some(steering) = &self.steering else {
+            return geometry;
+        };
         let tan = libm::tan(steering_rad);
         for lane in (0..self.lanes).filter(|lane| self.steered[*lane]) {
             let (x, y) = (self.x_m[lane], self.y_m[lane]);
             let (turn_cos, turn_sin) = steering.wheel_cos_sin(tan, x, y);
             let (cos, sin) = (self.geometry.cos[lane], self.geometry.sin[lane]);
-            geometry.set(lane, x, y, cos * turn_cos - sin * turn_sin, sin * turn_cos + cos * turn_sin);
+            geometry.set(
+                lane,
+                x,
+                y,
+                cos * turn_cos - sin * turn_sin,
+                sin * turn_cos + cos * turn_sin,
+            );
         }
         geometry
     }
@@ -157,7 +176,9 @@ impl Model {
     /// Speed where motor torque at full supply equals the drive's friction, rad/s.
     pub(crate) fn max_wheel_speed_rad_per_s(&self) -> f64 {
         let Some(motor) = &self.motor else { return f64::INFINITY };
-        let Some(lane) = (0..self.lanes).find(|lane| self.powered[*lane] > 0.0) else { return 0.0 };
+        let Some(lane) = (0..self.lanes).find(|lane| self.powered[*lane] > 0.0) else {
+            return 0.0;
+        };
         let k = motor.torque_per_current;
         let stall = k * motor.supply_v * motor.per_ohm;
         ((stall - self.coulomb_n_m[lane]) / (k * k * motor.per_ohm + self.viscous_n_m_s[lane])).max(0.0)

@@ -57,6 +57,8 @@ impl MotorModel {
             return 0.0;
         }
         let voltage = current_a / self.per_ohm + self.torque_per_current * wheel_rad_per_s;
-        (voltage / self.ki).min(self.integral_limit_rad).max(-self.integral_limit_rad)
+        (voltage / self.ki)
+            .min(self.integral_limit_rad)
+            .max(-self.integral_limit_rad)
     }
 }

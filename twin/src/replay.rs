@@ -80,7 +80,10 @@ impl HeldCommand {
 
 /// Replays all rows from rest at `first_pose`.
 pub fn replay(robot: &Robot, first_pose: Pose, rows: &[CommandRow]) -> Result<Vec<ReplayRow>, ReplayError> {
-    let start = Start { pose: first_pose, ..Start::default() };
+    let start = Start {
+        pose: first_pose,
+        ..Start::default()
+    };
     replay_from(robot, &start, HeldCommand::default(), rows)
 }
 
@@ -88,9 +91,16 @@ pub fn replay(robot: &Robot, first_pose: Pose, rows: &[CommandRow]) -> Result<Ve
 ///
 /// - Rows between two physics steps are interpolated linearly.
 /// - Errors: time that does not grow, numbers that are not finite, more than [`MAX_DURATION_S`].
-pub fn replay_from(robot: &Robot, start: &Start, held: HeldCommand, rows: &[CommandRow]) -> Result<Vec<ReplayRow>, ReplayError> {
+pub fn replay_from(
+    robot: &Robot,
+    start: &Start,
+    held: HeldCommand,
+    rows: &[CommandRow],
+) -> Result<Vec<ReplayRow>, ReplayError> {
     check_rows(rows)?;
-    let Some(first) = rows.first() else { return Ok(Vec::new()) };
+    let Some(first) = rows.first() else {
+        return Ok(Vec::new());
+    };
     let mut free = FreeRobot::moving(robot, start);
     let mut held = held;
     let mut next = 0;
@@ -115,7 +125,10 @@ pub fn replay_from(robot: &Robot, start: &Start, held: HeldCommand, rows: &[Comm
         }
         let part = 1.0 - (free.steps() as f64 - position);
         let part = if free.steps() == 0 { 1.0 } else { part };
-        out.push(ReplayRow { time_s: row.time_s, state: interpolated(&before, &after, part) });
+        out.push(ReplayRow {
+            time_s: row.time_s,
+            state: interpolated(&before, &after, part),
+        });
     }
     Ok(out)
 }
@@ -124,10 +137,24 @@ fn check_rows(rows: &[CommandRow]) -> Result<(), ReplayError> {
     for (index, row) in rows.iter().enumerate() {
         let grows = index == 0 || row.time_s > rows[index - 1].time_s;
         if !row.time_s.is_finite() || !grows {
-            return Err(ReplayError::Time { row: index, time_s: row.time_s });
+            return Err(ReplayError::Time {
+                row: index,
+                time_s: row.time_s,
+            });
         }
-        let others = [row.steering_rad, row.forward_m_per_s, row.left_m_per_s, row.yaw_rate_rad_per_s];
-        if row.wheel_rad_per_s.iter().chain(&others).flatten().any(|value| !value.is_finite()) {
+        let others = [
+            row.steering_rad,
+            row.forward_m_per_s,
+            row.left_m_per_s,
+            row.yaw_rate_rad_per_s,
+        ];
+        if row
+            .wheel_rad_per_s
+            .iter()
+            .chain(&others)
+            .flatten()
+            .any(|value| !value.is_finite())
+        {
             return Err(ReplayError::Command { row: index });
         }
     }

@@ -2,11 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
-pub use crate::parameter::ParameterError;
 use crate::command::WheelCommand;
 use crate::kinematics;
 use crate::model::Model;
 use crate::parameter;
+pub use crate::parameter::ParameterError;
 use crate::twist::BodyTwist;
 
 /// A robot as it stands in `run.json` (`robot`) and in the laboratory's file.
@@ -179,7 +179,10 @@ impl Robot {
 
     /// Largest steering angle, rad: 0 without steering, the declared limit or 1.5 when unlimited.
     pub fn max_steering_rad(&self) -> f64 {
-        self.model.steering.as_ref().map_or(0.0, |steering| steering.angle_limit_rad)
+        self.model
+            .steering
+            .as_ref()
+            .map_or(0.0, |steering| steering.angle_limit_rad)
     }
 
     pub(crate) fn model(&self) -> &Model {

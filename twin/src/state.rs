@@ -91,7 +91,17 @@ impl BodyState {
     #[inline(always)]
     pub(crate) fn words(&self, lanes: usize, out: &mut [f64; MAX_WORDS]) -> usize {
         out[..BODY_WORDS].copy_from_slice(&[
-            self.x_m, self.y_m, self.yaw_rad, self.cos_yaw, self.sin_yaw, self.u, self.v, self.r, self.accel_x, self.accel_y, self.steering_rad,
+            self.x_m,
+            self.y_m,
+            self.yaw_rad,
+            self.cos_yaw,
+            self.sin_yaw,
+            self.u,
+            self.v,
+            self.r,
+            self.accel_x,
+            self.accel_y,
+            self.steering_rad,
         ]);
         let mut at = BODY_WORDS;
         for array in [&self.wheel, &self.angle, &self.integral, &self.current, &self.voltage] {
@@ -109,13 +119,28 @@ impl BodyState {
         let mut state = BodyState::at_rest(Pose::default());
         let (body, wheels) = words.split_at(BODY_WORDS);
         let fields = [
-            &mut state.x_m, &mut state.y_m, &mut state.yaw_rad, &mut state.cos_yaw, &mut state.sin_yaw, &mut state.u, &mut state.v, &mut state.r,
-            &mut state.accel_x, &mut state.accel_y, &mut state.steering_rad,
+            &mut state.x_m,
+            &mut state.y_m,
+            &mut state.yaw_rad,
+            &mut state.cos_yaw,
+            &mut state.sin_yaw,
+            &mut state.u,
+            &mut state.v,
+            &mut state.r,
+            &mut state.accel_x,
+            &mut state.accel_y,
+            &mut state.steering_rad,
         ];
         for (field, word) in fields.into_iter().zip(body) {
             *field = *word;
         }
-        let arrays = [&mut state.wheel, &mut state.angle, &mut state.integral, &mut state.current, &mut state.voltage];
+        let arrays = [
+            &mut state.wheel,
+            &mut state.angle,
+            &mut state.integral,
+            &mut state.current,
+            &mut state.voltage,
+        ];
         for (index, array) in arrays.into_iter().enumerate() {
             array[..lanes].copy_from_slice(&wheels[index * lanes..(index + 1) * lanes]);
         }
@@ -129,7 +154,8 @@ impl BodyState {
         let mut sum = 0.0 * self.x_m + 0.0 * self.y_m + 0.0 * self.yaw_rad + 0.0 * self.u + 0.0 * self.v + 0.0 * self.r;
         sum += 0.0 * self.accel_x + 0.0 * self.accel_y + 0.0 * self.steering_rad;
         for lane in 0..MAX_WHEELS {
-            sum += 0.0 * self.wheel[lane] + 0.0 * self.angle[lane] + 0.0 * self.integral[lane] + 0.0 * self.current[lane];
+            sum +=
+                0.0 * self.wheel[lane] + 0.0 * self.angle[lane] + 0.0 * self.integral[lane] + 0.0 * self.current[lane];
         }
         sum == 0.0
     }
@@ -150,7 +176,11 @@ impl BodyState {
             return (*name).to_owned();
         }
         for lane in 0..model.lanes {
-            let wheel = [("wheel_rad_per_s", self.wheel[lane]), ("wheel_rad", self.angle[lane]), ("current_a", self.current[lane])];
+            let wheel = [
+                ("wheel_rad_per_s", self.wheel[lane]),
+                ("wheel_rad", self.angle[lane]),
+                ("current_a", self.current[lane]),
+            ];
             if let Some((name, _)) = wheel.iter().find(|(_, value)| !value.is_finite()) {
                 return format!("{name}[{}]", model.wheel_of_lane[lane]);
             }
@@ -167,8 +197,16 @@ impl BodyState {
             wheels
         };
         RobotState {
-            pose: Pose { x_m: self.x_m, y_m: self.y_m, yaw_rad: wrapped_rad(self.yaw_rad) },
-            twist: BodyTwist { forward_m_per_s: self.u, left_m_per_s: self.v, yaw_rate_rad_per_s: self.r },
+            pose: Pose {
+                x_m: self.x_m,
+                y_m: self.y_m,
+                yaw_rad: wrapped_rad(self.yaw_rad),
+            },
+            twist: BodyTwist {
+                forward_m_per_s: self.u,
+                left_m_per_s: self.v,
+                yaw_rate_rad_per_s: self.r,
+            },
             wheel_rad_per_s: by_wheel(&self.wheel),
             wheel_rad: by_wheel(&self.angle),
             current_a: by_wheel(&self.current),

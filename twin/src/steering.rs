@@ -24,7 +24,10 @@ impl SteeringModel {
         SteeringModel {
             lag_s: steering.lag_s,
             rate_limit_rad_per_s: steering.rate_limit_rad_per_s.unwrap_or(f64::INFINITY),
-            angle_limit_rad: steering.angle_limit_rad.unwrap_or(STEERING_LIMIT_RAD).min(STEERING_LIMIT_RAD),
+            angle_limit_rad: steering
+                .angle_limit_rad
+                .unwrap_or(STEERING_LIMIT_RAD)
+                .min(STEERING_LIMIT_RAD),
             wheelbase_m,
             fixed_axle_x_m,
         }
@@ -48,7 +51,11 @@ impl SteeringModel {
             left_s -= limited_s;
         }
         if left_s > 0.0 {
-            size = if self.lag_s > 0.0 { size * libm::exp(-left_s / self.lag_s) } else { 0.0 };
+            size = if self.lag_s > 0.0 {
+                size * libm::exp(-left_s / self.lag_s)
+            } else {
+                0.0
+            };
         }
         goal - size.copysign(gap)
     }

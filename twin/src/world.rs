@@ -13,8 +13,8 @@ use crate::pose::Pose;
 use crate::robot::Robot;
 pub use crate::snapshot::Snapshot;
 use crate::snapshot::{decoded, encoded};
-use crate::state::{BodyState, MAX_WORDS};
 pub use crate::state::RobotState;
+use crate::state::{BodyState, MAX_WORDS};
 
 /// Most robots in one world.
 pub const MAX_ROBOTS: usize = 4096;
@@ -58,9 +58,19 @@ pub enum WorldError {
     #[error("{got} commands for {robots} robots")]
     CommandCount { robots: usize, got: usize },
     #[error("tick {tick}: command {field} of robot {robot} ({name}) is not finite")]
-    CommandNotFinite { tick: u64, robot: usize, name: String, field: String },
+    CommandNotFinite {
+        tick: u64,
+        robot: usize,
+        name: String,
+        field: String,
+    },
     #[error("tick {tick}: {state} of robot {robot} ({name}) left the finite range")]
-    NotFinite { tick: u64, robot: usize, name: String, state: String },
+    NotFinite {
+        tick: u64,
+        robot: usize,
+        name: String,
+        state: String,
+    },
     #[error("snapshot does not fit: {reason}")]
     Snapshot { reason: String },
 }
@@ -139,7 +149,14 @@ impl World {
         }
         if !self.sweep.involved.is_empty() {
             let bodies = (self.models.as_slice(), self.radii_m.as_slice());
-            contact::resolve_tick(&self.arena, bodies, &mut self.states, commands, &self.sweep.involved, &mut self.contacts);
+            contact::resolve_tick(
+                &self.arena,
+                bodies,
+                &mut self.states,
+                commands,
+                &self.sweep.involved,
+                &mut self.contacts,
+            );
         }
         self.tick += 1;
         self.check_states()?;
@@ -151,20 +168,35 @@ impl World {
 
     fn check_commands(&self, commands: &[WheelCommand]) -> Result<(), WorldError> {
         if commands.len() != self.states.len() {
-            return Err(WorldError::CommandCount { robots: self.states.len(), got: commands.len() });
+            return Err(WorldError::CommandCount {
+                robots: self.states.len(),
+                got: commands.len(),
+            });
         }
         for (robot, command) in commands.iter().enumerate() {
             if let Some(field) = command.non_finite_field() {
-                return Err(WorldError::CommandNotFinite { tick: self.tick, robot, name: self.names[robot].clone(), field });
+                return Err(WorldError::CommandNotFinite {
+                    tick: self.tick,
+                    robot,
+                    name: self.names[robot].clone(),
+                    field,
+                });
             }
         }
         Ok(())
     }
 
     fn check_states(&mut self) -> Result<(), WorldError> {
-        let Some(robot) = self.states.iter().position(|state| !state.is_finite()) else { return Ok(()) };
+        let Some(robot) = self.states.iter().position(|state| !state.is_finite()) else {
+            return Ok(());
+        };
         let state = self.states[robot].non_finite_field(&self.models[robot]);
-        let failure = WorldError::NotFinite { tick: self.tick, robot, name: self.names[robot].clone(), state };
+        let failure = WorldError::NotFinite {
+            tick: self.tick,
+            robot,
+            name: self.names[robot].clone(),
+            state,
+        };
         // No NaN is ever shown: a failed robot stands at the origin.
         for state in self.states.iter_mut().filter(|state| !state.is_finite()) {
             *state = BodyState::at_rest(Pose::default());
@@ -224,7 +256,9 @@ impl World {
     /// Smallest distance of a bounding circle to a wall, m (negative: beyond it).
     pub fn smallest_wall_distance_m(&self) -> f64 {
         let distances = self.states.iter().zip(&self.radii_m);
-        distances.fold(f64::INFINITY, |smallest, (state, radius_m)| smallest.min(wall_distance_m(&self.arena, state.x_m, state.y_m, *radius_m)))
+        distances.fold(f64::INFINITY, |smallest, (state, radius_m)| {
+            smallest.min(wall_distance_m(&self.arena, state.x_m, state.y_m, *radius_m))
+        })
     }
 
     /// Witness of the trace so far; depends on arena, robots, start poses, commands and nothing else.
@@ -254,7 +288,11 @@ impl World {
     pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), WorldError> {
         let refused = |reason: String| WorldError::Snapshot { reason };
         if snapshot.twin_version != crate::VERSION {
-            return Err(refused(format!("written by {}, this is {}", snapshot.twin_version, crate::VERSION)));
+            return Err(refused(format!(
+                "written by {}, this is {}",
+                snapshot.twin_version,
+                crate::VERSION
+            )));
         }
         if snapshot.world != self.fingerprint.to_string() || snapshot.robots.len() != self.states.len() {
             return Err(refused("arena, robots or start poses differ".to_owned()));
@@ -289,7 +327,10 @@ fn wall_distance_m(arena: &Arena, x_m: f64, y_m: f64, radius_m: f64) -> f64 {
 fn check_start(arena: &Arena, robots: &[(Robot, Pose, f64)]) -> Result<(), WorldError> {
     let side = 0.1..=1000.0;
     if !side.contains(&arena.width_m) || !side.contains(&arena.height_m) {
-        return Err(WorldError::Arena { width_m: arena.width_m, height_m: arena.height_m });
+        return Err(WorldError::Arena {
+            width_m: arena.width_m,
+            height_m: arena.height_m,
+        });
     }
     if robots.is_empty() || robots.len() > MAX_ROBOTS {
         return Err(WorldError::RobotCount { count: robots.len() });
@@ -297,19 +338,34 @@ fn check_start(arena: &Arena, robots: &[(Robot, Pose, f64)]) -> Result<(), World
     for (index, (robot, pose, radius_m)) in robots.iter().enumerate() {
         let name = || robot.name().to_owned();
         if !(0.001..=10.0).contains(radius_m) {
-            return Err(WorldError::BoundingRadius { robot: index, name: name(), radius_m: *radius_m });
+            return Err(WorldError::BoundingRadius {
+                robot: index,
+                name: name(),
+                radius_m: *radius_m,
+            });
         }
         if !pose.is_finite() {
-            return Err(WorldError::StartNotFinite { robot: index, name: name() });
+            return Err(WorldError::StartNotFinite {
+                robot: index,
+                name: name(),
+            });
         }
         let distance_m = wall_distance_m(arena, pose.x_m, pose.y_m, *radius_m);
         if distance_m < -START_OVERLAP_M {
-            return Err(WorldError::StartOutside { robot: index, name: name(), beyond_m: -distance_m });
+            return Err(WorldError::StartOutside {
+                robot: index,
+                name: name(),
+                beyond_m: -distance_m,
+            });
         }
         for (before, (_, other, other_radius_m)) in robots[..index].iter().enumerate() {
             let overlap_m = radius_m + other_radius_m - pose.distance_m(other);
             if overlap_m > START_OVERLAP_M {
-                return Err(WorldError::StartOverlap { a: before, b: index, overlap_m });
+                return Err(WorldError::StartOverlap {
+                    a: before,
+                    b: index,
+                    overlap_m,
+                });
             }
         }
     }

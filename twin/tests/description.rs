@@ -12,7 +12,10 @@ fn refused(change: impl Fn(&mut RobotDescription)) -> Vec<String> {
     change(&mut description);
     let problems = description.check();
     for problem in &problems {
-        assert!(!problem.limit.is_empty() && !problem.remedy.is_empty() && !problem.message.is_empty(), "{problem:?}");
+        assert!(
+            !problem.limit.is_empty() && !problem.remedy.is_empty() && !problem.message.is_empty(),
+            "{problem:?}"
+        );
     }
     assert!(Robot::new(description).is_err());
     problems.into_iter().map(|problem| problem.field).collect()
@@ -34,14 +37,29 @@ fn every_number_has_a_limit() {
     assert_eq!(refused(|d| d.floor_friction = f64::INFINITY), ["floor_friction"]);
     assert_eq!(refused(|d| d.wheels[2].radius_m = Some(0.0)), ["wheels[2].radius_m"]);
     assert_eq!(refused(|d| d.wheels[1].radius_m = None), ["wheels[1].radius_m"]);
-    assert_eq!(refused(|d| d.wheels[1].spin_inertia_kg_m2 = Some(-1e-3)), ["wheels[1].spin_inertia_kg_m2"]);
+    assert_eq!(
+        refused(|d| d.wheels[1].spin_inertia_kg_m2 = Some(-1e-3)),
+        ["wheels[1].spin_inertia_kg_m2"]
+    );
     assert_eq!(refused(|d| d.wheels[3].x_m = nan), ["wheels[3].x_m"]);
-    assert_eq!(refused(|d| d.wheels[0].rolling_direction_rad = 135.0), ["wheels[0].rolling_direction_rad"]);
-    assert_eq!(refused(|d| set_motor(d, |m| m.resistance_ohm = 0.0)), ["motor.resistance_ohm"]);
+    assert_eq!(
+        refused(|d| d.wheels[0].rolling_direction_rad = 135.0),
+        ["wheels[0].rolling_direction_rad"]
+    );
+    assert_eq!(
+        refused(|d| set_motor(d, |m| m.resistance_ohm = 0.0)),
+        ["motor.resistance_ohm"]
+    );
     assert_eq!(refused(|d| set_motor(d, |m| m.supply_v = nan)), ["motor.supply_v"]);
-    assert_eq!(refused(|d| set_motor(d, |m| m.current_limit_a = Some(-1.0))), ["motor.current_limit_a"]);
+    assert_eq!(
+        refused(|d| set_motor(d, |m| m.current_limit_a = Some(-1.0))),
+        ["motor.current_limit_a"]
+    );
     assert_eq!(refused(|d| d.name = " ".to_owned()), ["name"]);
-    assert_eq!(refused(|d| (d.mass_kg, d.floor_friction) = (0.0, nan)), ["mass_kg", "floor_friction"]);
+    assert_eq!(
+        refused(|d| (d.mass_kg, d.floor_friction) = (0.0, nan)),
+        ["mass_kg", "floor_friction"]
+    );
 }
 
 #[test]
@@ -72,20 +90,48 @@ fn the_document_round_trips_and_refuses_unknown_fields() {
 
 #[test]
 fn worlds_refuse_bad_starts_and_commands() {
-    let arena = Arena { width_m: 4.0, height_m: 3.0 };
+    let arena = Arena {
+        width_m: 4.0,
+        height_m: 3.0,
+    };
     let at = |x_m: f64, y_m: f64| Pose { x_m, y_m, yaw_rad: 0.0 };
     let world = |starts: &[Pose]| World::new(arena, starts.iter().map(|pose| (robot(diff2()), *pose, 0.25)).collect());
     assert!(matches!(world(&[]), Err(WorldError::RobotCount { count: 0 })));
-    assert!(matches!(world(&[at(1.9, 0.0)]), Err(WorldError::StartOutside { robot: 0, .. })));
-    assert!(matches!(world(&[at(f64::NAN, 0.0)]), Err(WorldError::StartNotFinite { robot: 0, .. })));
-    assert!(matches!(world(&[at(0.0, 0.0), at(0.4, 0.0)]), Err(WorldError::StartOverlap { a: 0, b: 1, .. })));
-    let narrow = Arena { width_m: f64::NAN, height_m: 3.0 };
-    assert!(matches!(World::new(narrow, vec![(robot(diff2()), at(0.0, 0.0), 0.25)]), Err(WorldError::Arena { .. })));
-    let Ok(mut good) = world(&[at(0.0, 0.0)]) else { panic!("refused a good world") };
-    assert!(matches!(good.step(&[]), Err(WorldError::CommandCount { robots: 1, got: 0 })));
+    assert!(matches!(
+        world(&[at(1.9, 0.0)]),
+        Err(WorldError::StartOutside { robot: 0, .. })
+    ));
+    assert!(matches!(
+        world(&[at(f64::NAN, 0.0)]),
+        Err(WorldError::StartNotFinite { robot: 0, .. })
+    ));
+    assert!(matches!(
+        world(&[at(0.0, 0.0), at(0.4, 0.0)]),
+        Err(WorldError::StartOverlap { a: 0, b: 1, .. })
+    ));
+    let narrow = Arena {
+        width_m: f64::NAN,
+        height_m: 3.0,
+    };
+    assert!(matches!(
+        World::new(narrow, vec![(robot(diff2()), at(0.0, 0.0), 0.25)]),
+        Err(WorldError::Arena { .. })
+    ));
+    let Ok(mut good) = world(&[at(0.0, 0.0)]) else {
+        panic!("refused a good world")
+    };
+    assert!(matches!(
+        good.step(&[]),
+        Err(WorldError::CommandCount { robots: 1, got: 0 })
+    ));
     let bad = wheels(&[1.0, f64::NAN]);
-    let Err(error) = good.step(&[bad]) else { panic!("took a NaN") };
-    assert_eq!(error.to_string(), "tick 0: command wheel_rad_per_s[1] of robot 0 (diff2-test) is not finite");
+    let Err(error) = good.step(&[bad]) else {
+        panic!("took a NaN")
+    };
+    assert_eq!(
+        error.to_string(),
+        "tick 0: command wheel_rad_per_s[1] of robot 0 (diff2-test) is not finite"
+    );
     assert!(good.step(&[wheels(&[1.0, 1.0])]).is_ok());
 }
 
@@ -94,7 +140,15 @@ fn a_state_that_leaves_the_finite_range_is_an_error_with_tick_robot_and_state() 
     let mut description = diff2();
     description.motor = None;
     let robot = robot(description);
-    let Ok(mut world) = World::new(Arena { width_m: 4.0, height_m: 3.0 }, vec![(robot, Pose::default(), 0.25)]) else { panic!("refused") };
+    let Ok(mut world) = World::new(
+        Arena {
+            width_m: 4.0,
+            height_m: 3.0,
+        },
+        vec![(robot, Pose::default(), 0.25)],
+    ) else {
+        panic!("refused")
+    };
     let mut failure = None;
     for _ in 0..10 {
         if let Err(error) = world.step(&[wheels(&[f64::MAX, f64::MAX])]) {
@@ -102,7 +156,12 @@ fn a_state_that_leaves_the_finite_range_is_an_error_with_tick_robot_and_state() 
             break;
         }
     }
-    let Some(WorldError::NotFinite { tick, robot: 0, state, .. }) = &failure else { panic!("{failure:?}") };
+    let Some(WorldError::NotFinite {
+        tick, robot: 0, state, ..
+    }) = &failure
+    else {
+        panic!("{failure:?}")
+    };
     assert!(*tick >= 1 && !state.is_empty());
     assert_eq!(world.step(&[wheels(&[0.0, 0.0])]).err(), failure);
     assert!(world.state(0).pose.is_finite());

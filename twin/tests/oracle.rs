@@ -19,7 +19,11 @@ fn run(free: &mut FreeRobot, command: &WheelCommand, seconds: f64) {
 fn at_rest_stays_at_rest() {
     for description in all() {
         let robot = robot(description);
-        let pose = Pose { x_m: 0.3, y_m: -0.2, yaw_rad: 0.7 };
+        let pose = Pose {
+            x_m: 0.3,
+            y_m: -0.2,
+            yaw_rad: 0.7,
+        };
         let mut free = FreeRobot::at_rest(&robot, pose);
         run(&mut free, &WheelCommand::default(), 60.0);
         assert_eq!(free.state().pose, pose, "{}", robot.name());
@@ -71,13 +75,20 @@ fn current_limits_acceleration() {
 #[test]
 fn omni_drives_a_steady_diagonal() {
     let robot = robot(omni4());
-    let wanted = BodyTwist { forward_m_per_s: 0.4, left_m_per_s: 0.4, yaw_rate_rad_per_s: 0.0 };
+    let wanted = BodyTwist {
+        forward_m_per_s: 0.4,
+        left_m_per_s: 0.4,
+        yaw_rate_rad_per_s: 0.0,
+    };
     let mut free = FreeRobot::at_rest(&robot, Pose::default());
     let command = robot.wheel_speeds(wanted);
     run(&mut free, &command, 3.0);
     let twist = free.state().twist;
     // Drive friction needs little force, so the slip in the steady state is far below s0.
-    assert!((twist.forward_m_per_s - 0.4).abs() < 1e-3 && (twist.left_m_per_s - 0.4).abs() < 1e-3, "{twist:?}");
+    assert!(
+        (twist.forward_m_per_s - 0.4).abs() < 1e-3 && (twist.left_m_per_s - 0.4).abs() < 1e-3,
+        "{twist:?}"
+    );
     assert!(twist.yaw_rate_rad_per_s.abs() < 1e-9);
     assert!((free.state().wheel_rad_per_s[1] - command.wheel_rad_per_s[1]).abs() < 1e-3);
 }
@@ -90,7 +101,11 @@ fn diff2_spins_in_place_at_the_kinematic_rate() {
     let state = free.state();
     let expected = 0.05 / 0.3 * (state.wheel_rad_per_s[1] - state.wheel_rad_per_s[0]);
     assert!((expected - 2.0).abs() < 1e-3);
-    assert!((state.twist.yaw_rate_rad_per_s / expected - 1.0).abs() < 1e-3, "{}", state.twist.yaw_rate_rad_per_s);
+    assert!(
+        (state.twist.yaw_rate_rad_per_s / expected - 1.0).abs() < 1e-3,
+        "{}",
+        state.twist.yaw_rate_rad_per_s
+    );
     assert!(state.pose.x_m.abs() < 1e-9 && state.pose.y_m.abs() < 1e-9);
 }
 
@@ -111,7 +126,11 @@ fn steady_current_carries_the_drive_friction() {
 fn slow_car_turns_on_the_ackermann_circle() {
     for chassis in ["fwd", "rwd", "awd"] {
         let robot = robot(car(chassis));
-        let wanted = BodyTwist { forward_m_per_s: 0.2, left_m_per_s: 0.0, yaw_rate_rad_per_s: 0.3 };
+        let wanted = BodyTwist {
+            forward_m_per_s: 0.2,
+            left_m_per_s: 0.0,
+            yaw_rate_rad_per_s: 0.3,
+        };
         let command = robot.wheel_speeds(wanted);
         let mut free = FreeRobot::at_rest(&robot, Pose::default());
         run(&mut free, &command, 4.0);
@@ -132,7 +151,11 @@ fn energy_of_a_coasting_robot_never_rises() {
         });
         let robot = robot(description);
         let mut start = Start {
-            twist: BodyTwist { forward_m_per_s: 1.5, left_m_per_s: -0.8, yaw_rate_rad_per_s: 9.0 },
+            twist: BodyTwist {
+                forward_m_per_s: 1.5,
+                left_m_per_s: -0.8,
+                yaw_rate_rad_per_s: 9.0,
+            },
             wheel_rad_per_s: [40.0, -15.0, 0.0, 7.0, 0.0, 0.0],
             ..Start::default()
         };
@@ -152,8 +175,12 @@ fn energy_of_a_coasting_robot_never_rises() {
 /// Set-points that keep the tyres near their limit: hard reversals and turns every 0.4 s.
 fn wild(robot: &twin::robot::Robot, step: u32) -> WheelCommand {
     let turn = f64::from(step / 192 % 5) - 2.0;
-    let forward = if step / 192 % 2 == 0 { 1.2 } else { -0.6 };
-    let mut command = robot.wheel_speeds(BodyTwist { forward_m_per_s: forward, left_m_per_s: 0.3 * turn, yaw_rate_rad_per_s: 1.5 * turn });
+    let forward = if (step / 192).is_multiple_of(2) { 1.2 } else { -0.6 };
+    let mut command = robot.wheel_speeds(BodyTwist {
+        forward_m_per_s: forward,
+        left_m_per_s: 0.3 * turn,
+        yaw_rate_rad_per_s: 1.5 * turn,
+    });
     command.wheel_rad_per_s[0] += 3.0;
     command
 }
@@ -172,10 +199,23 @@ fn halving_the_step_at_the_friction_limit_keeps_the_pose() {
         description.floor_friction = 0.15;
         let robot = robot(description);
         // Spinning wheels on a slippery floor all the way, one side faster than the other.
-        let command = robot.wheel_speeds(BodyTwist { forward_m_per_s: 1.9, left_m_per_s: 0.1, yaw_rate_rad_per_s: 1.0 });
+        let command = robot.wheel_speeds(BodyTwist {
+            forward_m_per_s: 1.9,
+            left_m_per_s: 0.1,
+            yaw_rate_rad_per_s: 1.0,
+        });
         let (one, two) = (end(&robot, 1, |_| command), end(&robot, 2, |_| command));
-        println!("{}: halving moves the end by {:.2e} m", robot.name(), one.distance_m(&two));
-        assert!(one.distance_m(&two) < 1e-3, "{}: {} m", robot.name(), one.distance_m(&two));
+        println!(
+            "{}: halving moves the end by {:.2e} m",
+            robot.name(),
+            one.distance_m(&two)
+        );
+        assert!(
+            one.distance_m(&two) < 1e-3,
+            "{}: {} m",
+            robot.name(),
+            one.distance_m(&two)
+        );
     }
 }
 
@@ -184,9 +224,22 @@ fn halving_the_step_through_hard_reversals_keeps_the_path() {
     for mut description in all() {
         description.floor_friction = 0.3;
         let robot = robot(description);
-        let (one, two, many) = (end(&robot, 1, |s| wild(&robot, s)), end(&robot, 2, |s| wild(&robot, s)), end(&robot, 16, |s| wild(&robot, s)));
-        println!("{}: halving {:.2e} m, against 16 parts {:.2e} m", robot.name(), one.distance_m(&two), one.distance_m(&many));
-        assert!(one.distance_m(&two) < 0.01 && one.distance_m(&many) < 0.02, "{}", robot.name());
+        let (one, two, many) = (
+            end(&robot, 1, |s| wild(&robot, s)),
+            end(&robot, 2, |s| wild(&robot, s)),
+            end(&robot, 16, |s| wild(&robot, s)),
+        );
+        println!(
+            "{}: halving {:.2e} m, against 16 parts {:.2e} m",
+            robot.name(),
+            one.distance_m(&two),
+            one.distance_m(&many)
+        );
+        assert!(
+            one.distance_m(&two) < 0.01 && one.distance_m(&many) < 0.02,
+            "{}",
+            robot.name()
+        );
     }
 }
 

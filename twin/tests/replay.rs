@@ -9,7 +9,10 @@ use twin::replay::{CommandRow, ReplayError, replay};
 use twin::twist::BodyTwist;
 
 fn row(time_s: f64) -> CommandRow {
-    CommandRow { time_s, ..CommandRow::default() }
+    CommandRow {
+        time_s,
+        ..CommandRow::default()
+    }
 }
 
 fn wheel_row(time_s: f64, left: f64, right: f64) -> CommandRow {
@@ -23,9 +26,17 @@ fn rows_on_the_grid_are_the_free_robot() {
     let robot = robot(diff2());
     // Microsecond text, some of it rounded up: the set-point still counts at its sampling instant.
     let stamp = |tick: u32| (f64::from(tick) / 120.0 * 1e6).round() / 1e6;
-    let rows: Vec<CommandRow> = (0..240).map(|tick| wheel_row(stamp(tick), 0.05 * f64::from(tick), 6.0)).collect();
-    let start = Pose { x_m: 0.5, y_m: 0.2, yaw_rad: 1.0 };
-    let Ok(out) = replay(&robot, start, &rows) else { panic!("refused") };
+    let rows: Vec<CommandRow> = (0..240)
+        .map(|tick| wheel_row(stamp(tick), 0.05 * f64::from(tick), 6.0))
+        .collect();
+    let start = Pose {
+        x_m: 0.5,
+        y_m: 0.2,
+        yaw_rad: 1.0,
+    };
+    let Ok(out) = replay(&robot, start, &rows) else {
+        panic!("refused")
+    };
     assert_eq!(out.len(), rows.len());
     assert_eq!(out[0].state.pose, start);
     let mut free = FreeRobot::at_rest(&robot, start);
@@ -41,7 +52,9 @@ fn set_points_hold_and_rows_without_commands_only_read() {
     let robot = robot(diff2());
     let mut rows = vec![wheel_row(10.0, 5.0, 5.0)];
     rows.extend((1..=500).map(|i| row(10.0 + 0.01 * f64::from(i))));
-    let Ok(out) = replay(&robot, Pose::default(), &rows) else { panic!("refused") };
+    let Ok(out) = replay(&robot, Pose::default(), &rows) else {
+        panic!("refused")
+    };
     let last = out[out.len() - 1].state;
     assert!((last.twist.forward_m_per_s - 0.25).abs() < 1e-3);
     let travelled = out[500].state.pose.x_m - out[400].state.pose.x_m;
@@ -57,9 +70,14 @@ fn body_twist_columns_become_wheel_set_points() {
         let mut stop = row(3.0);
         stop.forward_m_per_s = Some(0.0);
         let rows = [first, row(2.9), stop, row(6.0)];
-        let Ok(out) = replay(&robot, Pose::default(), &rows) else { panic!("refused") };
+        let Ok(out) = replay(&robot, Pose::default(), &rows) else {
+            panic!("refused")
+        };
         let twist: BodyTwist = out[1].state.twist;
-        assert!((twist.forward_m_per_s - 0.4).abs() < 0.01 && (twist.yaw_rate_rad_per_s - 0.2).abs() < 0.01, "{twist:?}");
+        assert!(
+            (twist.forward_m_per_s - 0.4).abs() < 0.01 && (twist.yaw_rate_rad_per_s - 0.2).abs() < 0.01,
+            "{twist:?}"
+        );
         // At u = 0 a car keeps its steering angle and stands; a diff2 goes on turning.
         assert!(out[3].state.twist.forward_m_per_s.abs() < 0.06);
         assert_eq!(out[3].state.steering_rad.abs() > 0.1, robot.chassis() == "awd");
@@ -71,8 +89,14 @@ fn bad_rows_are_refused() {
     let robot = robot(diff2());
     let got = |rows: &[CommandRow]| replay(&robot, Pose::default(), rows).err();
     assert_eq!(got(&[]), None);
-    assert_eq!(got(&[row(0.0), row(0.0)]), Some(ReplayError::Time { row: 1, time_s: 0.0 }));
+    assert_eq!(
+        got(&[row(0.0), row(0.0)]),
+        Some(ReplayError::Time { row: 1, time_s: 0.0 })
+    );
     assert!(matches!(got(&[row(f64::NAN)]), Some(ReplayError::Time { row: 0, .. })));
-    assert_eq!(got(&[wheel_row(0.0, f64::INFINITY, 0.0)]), Some(ReplayError::Command { row: 0 }));
+    assert_eq!(
+        got(&[wheel_row(0.0, f64::INFINITY, 0.0)]),
+        Some(ReplayError::Command { row: 0 })
+    );
     assert!(matches!(got(&[row(0.0), row(1e9)]), Some(ReplayError::Duration { .. })));
 }

@@ -21,18 +21,29 @@ fn end(robot: &Robot, start: Pose, commands: &[WheelCommand]) -> Pose {
 }
 
 fn twist(forward: f64, left: f64, yaw_rate: f64) -> BodyTwist {
-    BodyTwist { forward_m_per_s: forward, left_m_per_s: left, yaw_rate_rad_per_s: yaw_rate }
+    BodyTwist {
+        forward_m_per_s: forward,
+        left_m_per_s: left,
+        yaw_rate_rad_per_s: yaw_rate,
+    }
 }
 
 #[test]
 fn left_and_right_mirror() {
     for description in [omni4(), diff2(), diff4(), car("fwd"), car("rwd"), car("awd")] {
         let robot = robot(description);
-        let twists: Vec<BodyTwist> = (0..20).map(|i| twist(0.8 - 0.05 * f64::from(i), 0.02 * f64::from(i), 0.15 * f64::from(i % 7))).collect();
+        let twists: Vec<BodyTwist> = (0..20)
+            .map(|i| twist(0.8 - 0.05 * f64::from(i), 0.02 * f64::from(i), 0.15 * f64::from(i % 7)))
+            .collect();
         let straight: Vec<WheelCommand> = twists.iter().map(|t| robot.wheel_speeds(*t)).collect();
-        let mirrored: Vec<WheelCommand> =
-            twists.iter().map(|t| robot.wheel_speeds(twist(t.forward_m_per_s, -t.left_m_per_s, -t.yaw_rate_rad_per_s))).collect();
-        let (a, b) = (end(&robot, Pose::default(), &straight), end(&robot, Pose::default(), &mirrored));
+        let mirrored: Vec<WheelCommand> = twists
+            .iter()
+            .map(|t| robot.wheel_speeds(twist(t.forward_m_per_s, -t.left_m_per_s, -t.yaw_rate_rad_per_s)))
+            .collect();
+        let (a, b) = (
+            end(&robot, Pose::default(), &straight),
+            end(&robot, Pose::default(), &mirrored),
+        );
         let gap = (a.x_m - b.x_m).abs() + (a.y_m + b.y_m).abs() + wrapped_rad(a.yaw_rad + b.yaw_rad).abs();
         assert!(a.x_m.abs() + a.y_m.abs() > 0.05);
         assert!(gap < 1e-6, "{}: {a:?} {b:?}", robot.name());
@@ -45,10 +56,17 @@ fn inverse_and_forward_kinematics_agree() {
         let robot = robot(description);
         let omni = robot.chassis() == "omni4";
         // A car's body origin moves sideways in a turn: v = -r x_fixed.
-        let left = if omni { -0.2 } else if robot.chassis().ends_with("wd") { 0.5 * 0.12 } else { 0.0 };
+        let left = if omni {
+            -0.2
+        } else if robot.chassis().ends_with("wd") {
+            0.5 * 0.12
+        } else {
+            0.0
+        };
         let wanted = twist(0.6, left, 0.5);
         let got = robot.twist_of_wheels(&robot.wheel_speeds(wanted));
-        let gap = (got.forward_m_per_s - 0.6).abs() + (got.left_m_per_s - left).abs() + (got.yaw_rate_rad_per_s - 0.5).abs();
+        let gap =
+            (got.forward_m_per_s - 0.6).abs() + (got.left_m_per_s - left).abs() + (got.yaw_rate_rad_per_s - 0.5).abs();
         // Four fixed wheels cannot turn without slip; least squares gives the direction only.
         assert!(gap < 1e-9 || robot.chassis() == "diff4", "{}: {got:?}", robot.name());
         assert!(got.yaw_rate_rad_per_s > 0.0);

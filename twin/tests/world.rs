@@ -9,7 +9,10 @@ use twin::robot::Robot;
 use twin::twist::BodyTwist;
 use twin::world::{Arena, Snapshot, World};
 
-const ARENA: Arena = Arena { width_m: 4.0, height_m: 3.0 };
+const ARENA: Arena = Arena {
+    width_m: 4.0,
+    height_m: 3.0,
+};
 const RADIUS_M: f64 = 0.25;
 
 fn at(x_m: f64, y_m: f64, yaw_rad: f64) -> Pose {
@@ -17,7 +20,13 @@ fn at(x_m: f64, y_m: f64, yaw_rad: f64) -> Pose {
 }
 
 fn world(robots: Vec<(Robot, Pose)>) -> World {
-    match World::new(ARENA, robots.into_iter().map(|(robot, pose)| (robot, pose, RADIUS_M)).collect()) {
+    match World::new(
+        ARENA,
+        robots
+            .into_iter()
+            .map(|(robot, pose)| (robot, pose, RADIUS_M))
+            .collect(),
+    ) {
         Ok(world) => world,
         Err(error) => panic!("{error}"),
     }
@@ -30,7 +39,10 @@ fn step(world: &mut World, commands: &[WheelCommand]) {
 }
 
 fn forward(robot: &Robot, speed: f64) -> WheelCommand {
-    robot.wheel_speeds(BodyTwist { forward_m_per_s: speed, ..BodyTwist::default() })
+    robot.wheel_speeds(BodyTwist {
+        forward_m_per_s: speed,
+        ..BodyTwist::default()
+    })
 }
 
 #[test]
@@ -43,7 +55,11 @@ fn robots_that_meet_head_on_do_not_pass_into_each_other() {
         for _ in 0..600 {
             step(&mut world, &commands);
             smallest = smallest.min(world.smallest_separation_m().unwrap_or(f64::INFINITY));
-            touched += world.contacts_this_tick().iter().filter(|contact| (contact.a, contact.b) == (0, Some(1))).count();
+            touched += world
+                .contacts_this_tick()
+                .iter()
+                .filter(|contact| (contact.a, contact.b) == (0, Some(1)))
+                .count();
         }
         println!("{speed} m/s: overlap {:.2e} m, {touched} ticks in contact", -smallest);
         assert!(touched > 10, "they never met");
@@ -62,10 +78,17 @@ fn walls_hold() {
         for _ in 0..600 {
             step(&mut world, &[command]);
             smallest = smallest.min(world.smallest_wall_distance_m());
-            walls += world.contacts_this_tick().iter().filter(|contact| contact.b.is_none()).count();
+            walls += world
+                .contacts_this_tick()
+                .iter()
+                .filter(|contact| contact.b.is_none())
+                .count();
         }
         println!("yaw {yaw}: {:.2e} m into the wall", -smallest);
-        assert!(walls > 10 && smallest > -1e-3, "yaw {yaw}: {smallest} m, {walls} contacts");
+        assert!(
+            walls > 10 && smallest > -1e-3,
+            "yaw {yaw}: {smallest} m, {walls} contacts"
+        );
     }
 }
 
@@ -101,14 +124,29 @@ fn a_near_miss_changes_nothing() {
 /// Six chassis in a pile-up, driven by a fixed pattern.
 fn pile_up() -> (World, Vec<Robot>) {
     let robots: Vec<Robot> = all().into_iter().map(robot).collect();
-    let poses = [at(-1.5, -0.8, 0.6), at(0.0, -0.9, 1.6), at(1.5, -0.8, 2.5), at(-1.5, 0.9, -0.6), at(0.0, 0.9, -1.6), at(1.5, 0.9, -2.5)];
+    let poses = [
+        at(-1.5, -0.8, 0.6),
+        at(0.0, -0.9, 1.6),
+        at(1.5, -0.8, 2.5),
+        at(-1.5, 0.9, -0.6),
+        at(0.0, 0.9, -1.6),
+        at(1.5, 0.9, -2.5),
+    ];
     (world(robots.iter().cloned().zip(poses).collect()), robots)
 }
 
 fn pattern(robots: &[Robot], tick: u64) -> Vec<WheelCommand> {
     let phase = (tick / 90 % 4) as f64;
-    let twist = |index: usize| BodyTwist { forward_m_per_s: 0.9 - 0.3 * phase, left_m_per_s: 0.1 * phase, yaw_rate_rad_per_s: 0.4 * index as f64 - 0.3 * phase };
-    robots.iter().enumerate().map(|(index, robot)| robot.wheel_speeds(twist(index))).collect()
+    let twist = |index: usize| BodyTwist {
+        forward_m_per_s: 0.9 - 0.3 * phase,
+        left_m_per_s: 0.1 * phase,
+        yaw_rate_rad_per_s: 0.4 * index as f64 - 0.3 * phase,
+    };
+    robots
+        .iter()
+        .enumerate()
+        .map(|(index, robot)| robot.wheel_speeds(twist(index)))
+        .collect()
 }
 
 #[test]
@@ -141,13 +179,19 @@ fn a_restored_world_is_identical_at_every_later_tick() {
         digests.push(world.digest());
     }
     for (from, text) in snapshots {
-        let Ok(snapshot) = serde_json::from_str::<Snapshot>(&text) else { panic!("{text}") };
+        let Ok(snapshot) = serde_json::from_str::<Snapshot>(&text) else {
+            panic!("{text}")
+        };
         let (mut again, _) = pile_up();
         assert!(again.restore(&snapshot).is_ok());
         assert_eq!(again.snapshot(), snapshot);
         for tick in from..480 {
             step(&mut again, &pattern(&robots, tick));
-            assert_eq!(again.digest(), digests[tick as usize], "restored at {from}, tick {tick}");
+            assert_eq!(
+                again.digest(),
+                digests[tick as usize],
+                "restored at {from}, tick {tick}"
+            );
         }
     }
 }
@@ -159,7 +203,12 @@ fn snapshots_of_other_worlds_and_damaged_ones_are_refused() {
     let good = world.snapshot();
     let (_, mut others) = pile_up();
     others.swap(0, 1);
-    let mut other = self::world(others.into_iter().zip([at(-1.5, -0.8, 0.6), at(0.0, 0.0, 0.0)]).collect());
+    let mut other = self::world(
+        others
+            .into_iter()
+            .zip([at(-1.5, -0.8, 0.6), at(0.0, 0.0, 0.0)])
+            .collect(),
+    );
     assert!(other.restore(&good).is_err());
     for damage in [0, 1, 2, 3] {
         let mut bad = good.clone();
@@ -189,7 +238,11 @@ fn digests_differ_when_one_bit_of_the_start_differs() {
 #[test]
 fn a_single_robot_in_the_world_is_the_free_robot() {
     let robot = robot(car("awd"));
-    let command = robot.wheel_speeds(BodyTwist { forward_m_per_s: 0.5, left_m_per_s: 0.0, yaw_rate_rad_per_s: 0.9 });
+    let command = robot.wheel_speeds(BodyTwist {
+        forward_m_per_s: 0.5,
+        left_m_per_s: 0.0,
+        yaw_rate_rad_per_s: 0.9,
+    });
     let mut free = twin::free::FreeRobot::at_rest(&robot, Pose::default());
     let mut world = world(vec![(robot, Pose::default())]);
     for _ in 0..240 {

@@ -21,5 +21,7 @@ pub async fn run(arguments: Arguments, settings: &Settings, output: &Output) -> 
     let robots = settings.client()?.robot_list().await?.len();
     let path = settings.store()?;
     let stored = serde_json::json!({ "server": settings.server, "stored_in": path, "robots": robots });
-    output.result(&stored, || format!("{}: {robots} robots; stored in {}", settings.server, path.display()))
+    output.result(&stored, || {
+        format!("{}: {robots} robots; stored in {}", settings.server, path.display())
+    })
 }

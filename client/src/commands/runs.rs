@@ -24,8 +24,19 @@ fn table(runs: &[RunView]) -> String {
     let mut text = format!("{:36}  {:11}  {:20}  {}", "RUN", "STATE", "SUBMITTED (UTC)", "LABEL");
     for run in runs {
         let submitted = run.created_at.format("%Y-%m-%d %H:%M:%S");
-        text.push_str(&format!("\n{}  {:11}  {:20}  {}", run.id, run.state.as_str(), submitted.to_string(), run.label));
-        if let Some(why) = run.fault.as_ref().map(|fault| &fault.message).or(run.waiting_reason.as_ref()) {
+        text.push_str(&format!(
+            "\n{}  {:11}  {:20}  {}",
+            run.id,
+            run.state.as_str(),
+            submitted.to_string(),
+            run.label
+        ));
+        if let Some(why) = run
+            .fault
+            .as_ref()
+            .map(|fault| &fault.message)
+            .or(run.waiting_reason.as_ref())
+        {
             text.push_str(&format!("  ({why})"));
         }
     }

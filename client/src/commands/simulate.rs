@@ -46,12 +46,25 @@ pub fn run(arguments: &Arguments, output: &Output) -> anyhow::Result<()> {
     let commands = bundle.command_rows();
     let rows = twin::replay::replay(&robot, first_pose(&bundle)?, &commands)
         .with_context(|| format!("{}", arguments.commands.display()))?;
-    ensure!(!arguments.out.exists(), "{} exists; name a new folder", arguments.out.display());
+    ensure!(
+        !arguments.out.exists(),
+        "{} exists; name a new folder",
+        arguments.out.display()
+    );
     write_bundle(&arguments.out, &run_text, &robot, &commands, &rows)
         .with_context(|| format!("cannot write {}", arguments.out.display()))?;
-    let duration_s = rows.last().zip(rows.first()).map_or(0.0, |(last, first)| last.time_s - first.time_s);
-    let summary = Summary { out: arguments.out.clone(), rows: rows.len(), duration_s };
-    output.result(&summary, || format!("{}: {} rows, {duration_s:.2} s", arguments.out.display(), rows.len()))
+    let duration_s = rows
+        .last()
+        .zip(rows.first())
+        .map_or(0.0, |(last, first)| last.time_s - first.time_s);
+    let summary = Summary {
+        out: arguments.out.clone(),
+        rows: rows.len(),
+        duration_s,
+    };
+    output.result(&summary, || {
+        format!("{}: {} rows, {duration_s:.2} s", arguments.out.display(), rows.len())
+    })
 }
 
 fn read_text(path: &Path) -> anyhow::Result<String> {
@@ -59,7 +72,12 @@ fn read_text(path: &Path) -> anyhow::Result<String> {
 }
 
 fn first_pose(bundle: &Bundle) -> anyhow::Result<Pose> {
-    let first = |channel| bundle.telemetry.series(channel).and_then(|series| series.values.first().copied());
+    let first = |channel| {
+        bundle
+            .telemetry
+            .series(channel)
+            .and_then(|series| series.values.first().copied())
+    };
     let missing = "has no sample: the replay starts at the first measured pose";
     Ok(Pose {
         x_m: first(Channel::PoseX).with_context(|| format!("pose_x_m {missing}"))?,
@@ -107,7 +125,10 @@ impl Columns {
         let wheels = || description.wheels.iter().enumerate();
         Self {
             driven: wheels().filter(|(_, wheel)| wheel.driven).map(|(k, _)| k).collect(),
-            spinning: wheels().filter(|(_, wheel)| wheel.radius_m.is_some()).map(|(k, _)| k).collect(),
+            spinning: wheels()
+                .filter(|(_, wheel)| wheel.radius_m.is_some())
+                .map(|(k, _)| k)
+                .collect(),
             steered: description.steering.is_some(),
             motor: description.motor.is_some(),
         }
@@ -120,7 +141,11 @@ impl Columns {
         if self.steered {
             names.extend(["command_steering_rad".to_owned(), "steering_rad".to_owned()]);
         }
-        names.extend(self.spinning.iter().flat_map(|k| [format!("wheel_{k}_rad_per_s"), format!("wheel_{k}_rad")]));
+        names.extend(
+            self.spinning
+                .iter()
+                .flat_map(|k| [format!("wheel_{k}_rad_per_s"), format!("wheel_{k}_rad")]),
+        );
         if self.motor {
             names.extend(self.driven.iter().map(|k| format!("current_{k}_a")));
             names.push("bus_v".to_owned());
@@ -134,7 +159,14 @@ impl Columns {
         let state = &row.state;
         let mut cells = vec![row.time_s.to_string()];
         cells.extend(self.driven.iter().map(|k| optional(command.wheel_rad_per_s[*k])));
-        cells.extend([command.forward_m_per_s, command.left_m_per_s, command.yaw_rate_rad_per_s].map(optional));
+        cells.extend(
+            [
+                command.forward_m_per_s,
+                command.left_m_per_s,
+                command.yaw_rate_rad_per_s,
+            ]
+            .map(optional),
+        );
         if self.steered {
             cells.extend([optional(command.steering_rad), state.steering_rad.to_string()]);
         }

@@ -28,7 +28,10 @@ pub async fn run(arguments: Arguments, settings: &Settings, output: &Output) -> 
         let text = validate::verdict_text(&rehearsed.verdict);
         return Err(Unsuccessful(format!("not sent, the twin rejects it: {text}")).into());
     }
-    let stem = arguments.experiment.file_stem().map(|name| name.to_string_lossy().into_owned());
+    let stem = arguments
+        .experiment
+        .file_stem()
+        .map(|name| name.to_string_lossy().into_owned());
     let request = SubmitRequest {
         experiment: rehearsed.experiment,
         claim: Some(DigestClaim {
@@ -38,7 +41,9 @@ pub async fn run(arguments: Arguments, settings: &Settings, output: &Output) -> 
         }),
         label: arguments.label.or(stem),
     };
-    let key = arguments.idempotency_key.unwrap_or_else(|| uuid::Uuid::now_v7().to_string());
+    let key = arguments
+        .idempotency_key
+        .unwrap_or_else(|| uuid::Uuid::now_v7().to_string());
     let client = settings.client()?;
     let submission = client.experiment_submit(&request, &key).await?;
     if arguments.watch {
@@ -46,6 +51,9 @@ pub async fn run(arguments: Arguments, settings: &Settings, output: &Output) -> 
         return watch::conclude(&run, output);
     }
     output.result(&submission.view, || {
-        format!("run {} is on its way; follow it with `robopheus watch {0}`", submission.view.run_id)
+        format!(
+            "run {} is on its way; follow it with `robopheus watch {0}`",
+            submission.view.run_id
+        )
     })
 }

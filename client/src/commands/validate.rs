@@ -69,13 +69,20 @@ pub fn rehearse(path: &Path, robots: &[LabRobot], arena: &Arena) -> anyhow::Resu
     };
     let verdict = serde_json::from_value(serde_json::to_value(&outcome.verdict)?)?;
     let replay = serde_json::from_value(serde_json::to_value(&outcome.replay)?)?;
-    Ok(Rehearsed { experiment, verdict, replay })
+    Ok(Rehearsed {
+        experiment,
+        verdict,
+        replay,
+    })
 }
 
 /// The experiment's robots in its order; names the laboratory does not know are left for the checks to report.
 fn robots_of(experiment: &Experiment, robots: &[LabRobot]) -> Vec<LabRobot> {
     let wanted = experiment.robots.iter();
-    wanted.filter_map(|r| robots.iter().find(|known| known.description.name == r.name)).cloned().collect()
+    wanted
+        .filter_map(|r| robots.iter().find(|known| known.description.name == r.name))
+        .cloned()
+        .collect()
 }
 
 fn laboratory_from_file(path: &Path) -> anyhow::Result<(Vec<LabRobot>, Arena)> {
@@ -92,17 +99,27 @@ pub async fn laboratory_from_service(settings: &Settings, document: &Path) -> an
     let arenas = client.arena_list().await?;
     let known: Vec<_> = arenas.iter().map(|view| view.arena.name.clone()).collect();
     let Some(view) = arenas.into_iter().find(|view| view.arena.name == experiment.arena) else {
-        bail!("arena: {:?} is unknown; the service has: {}", experiment.arena, known.join(", "));
+        bail!(
+            "arena: {:?} is unknown; the service has: {}",
+            experiment.arena,
+            known.join(", ")
+        );
     };
     let robots = client.robot_list().await?;
-    let here = robots.into_iter().filter(|robot| robot.arena == experiment.arena).map(|view| view.robot);
+    let here = robots
+        .into_iter()
+        .filter(|robot| robot.arena == experiment.arena)
+        .map(|view| view.robot);
     Ok((here.collect(), view.arena))
 }
 
 pub fn verdict_text(verdict: &Verdict) -> String {
     let mut text = verdict.sentence.clone();
     for finding in &verdict.findings {
-        text.push_str(&format!("\n  {:7} at {:.2} s  {}", finding.severity, finding.at_s, finding.message));
+        text.push_str(&format!(
+            "\n  {:7} at {:.2} s  {}",
+            finding.severity, finding.at_s, finding.message
+        ));
     }
     text.push_str(&format!(
         "\n  {} ticks, digest {} ({}); closest to a wall {:.3} m",

@@ -63,7 +63,11 @@ pub fn conclude(run: &RunView, output: &Output) -> anyhow::Result<()> {
 fn status(run: &RunView) -> String {
     let state = run.state.as_str();
     if let Some(fault) = &run.fault {
-        return format!("{state}: {} (fault of the {:?}, {})", fault.message, fault.whose, fault.code).to_lowercase();
+        return format!(
+            "{state}: {} (fault of the {:?}, {})",
+            fault.message, fault.whose, fault.code
+        )
+        .to_lowercase();
     }
     match (&run.waiting_reason, run.queue_position, &run.verdict) {
         (Some(why), Some(position), _) => format!("{state}, number {position} in the queue: {why}"),
@@ -80,7 +84,9 @@ fn percent(run: &RunView) -> u64 {
         RunState::Preparing => 15,
         RunState::Running => {
             let ran_s = run.started_at.map_or(0.0, |start| {
-                let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap_or_default();
+                let now = std::time::SystemTime::now()
+                    .duration_since(std::time::UNIX_EPOCH)
+                    .unwrap_or_default();
                 now.as_secs_f64() - start.timestamp_millis() as f64 / 1e3
             });
             15 + (80.0 * (ran_s / run.experiment.duration_s).clamp(0.0, 1.0)) as u64

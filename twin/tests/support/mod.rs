@@ -50,7 +50,15 @@ fn description(chassis: &str, wheels: Vec<Wheel>) -> RobotDescription {
 pub fn omni4() -> RobotDescription {
     let quarter = core::f64::consts::FRAC_PI_4;
     let at = |x: f64, y: f64, turns: f64| wheel(x, y, turns * quarter, "omni", true);
-    description("omni4", vec![at(0.12, 0.12, 3.0), at(-0.12, 0.12, 5.0), at(-0.12, -0.12, 7.0), at(0.12, -0.12, 9.0)])
+    description(
+        "omni4",
+        vec![
+            at(0.12, 0.12, 3.0),
+            at(-0.12, 0.12, 5.0),
+            at(-0.12, -0.12, 7.0),
+            at(0.12, -0.12, 9.0),
+        ],
+    )
 }
 
 /// Track 0.3 m, casters ahead and behind.
@@ -79,13 +87,20 @@ pub fn car(chassis: &str) -> RobotDescription {
         wheels.push(wheel);
     }
     let mut car = description(chassis, wheels);
-    car.steering = Some(Steering { lag_s: 0.08, rate_limit_rad_per_s: Some(6.0), angle_limit_rad: Some(0.5) });
+    car.steering = Some(Steering {
+        lag_s: 0.08,
+        rate_limit_rad_per_s: Some(6.0),
+        angle_limit_rad: Some(0.5),
+    });
     car
 }
 
 pub fn diff4() -> RobotDescription {
     let at = |x: f64, y: f64| wheel(x, y, 0.0, "standard", true);
-    description("diff4", vec![at(0.12, 0.12), at(0.12, -0.12), at(-0.12, 0.12), at(-0.12, -0.12)])
+    description(
+        "diff4",
+        vec![at(0.12, 0.12), at(0.12, -0.12), at(-0.12, 0.12), at(-0.12, -0.12)],
+    )
 }
 
 pub fn all() -> Vec<RobotDescription> {
