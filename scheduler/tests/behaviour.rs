@@ -145,16 +145,12 @@ fn experiment() -> Experiment {
     experiment
 }
 
-/// Takes the twin longer than a test waits: two robots want the same place and never arrive.
+/// Takes the twin longer than a test waits: up and down for ten minutes.
 fn endless_experiment() -> Experiment {
     let mut experiment: Experiment =
-        serde_json::from_str(include_str!("../../examples/experiments/swap-corners.json")).unwrap();
+        serde_json::from_str(include_str!("../../examples/experiments/rectangle-omni4.json")).unwrap();
     experiment.duration_s = 600.0;
-    experiment.robots.truncate(2);
-    experiment.targets.truncate(2);
-    for target in &mut experiment.targets {
-        (target.x_m, target.y_m) = (0.0, 0.0);
-    }
+    experiment.targets = experiment.targets[..2].iter().cycle().take(800).cloned().collect();
     experiment
 }
 

@@ -29,8 +29,20 @@ impl App {
         theme::install(context);
         let inbox = Inbox::new(context.clone());
         let dark = stored_theme_is_dark().unwrap_or_else(|| context.system_theme() == Some(egui::Theme::Dark));
-        let state = State::new(Uuid::now_v7(), Clock { time_s: 0.0, utc: utc_now() }, dark);
-        Self { state, platform: Platform::new(inbox.clone()), inbox, address: String::new() }
+        let state = State::new(
+            Uuid::now_v7(),
+            Clock {
+                time_s: 0.0,
+                utc: utc_now(),
+            },
+            dark,
+        );
+        Self {
+            state,
+            platform: Platform::new(inbox.clone()),
+            inbox,
+            address: String::new(),
+        }
     }
 
     fn command(&mut self, context: &Context, command: Command) {
@@ -61,11 +73,18 @@ impl eframe::App for App {
         for event in self.inbox.take() {
             self.event(context, event);
         }
-        let clock = Clock { time_s: context.input(|i| i.time), utc: utc_now() };
+        let clock = Clock {
+            time_s: context.input(|i| i.time),
+            utc: utc_now(),
+        };
         for effect in update::tick(&mut self.state, clock) {
             self.platform.run(context, effect);
         }
-        context.set_theme(if self.state.dark { egui::Theme::Dark } else { egui::Theme::Light });
+        context.set_theme(if self.state.dark {
+            egui::Theme::Dark
+        } else {
+            egui::Theme::Light
+        });
         for command in keys(context, self.state.page) {
             self.command(context, command);
         }
@@ -78,7 +97,10 @@ impl eframe::App for App {
 
     fn ui(&mut self, ui: &mut Ui, _frame: &mut eframe::Frame) {
         let context = ui.ctx().clone();
-        let mut output = Output { scale: context.zoom_factor(), ..Output::default() };
+        let mut output = Output {
+            scale: context.zoom_factor(),
+            ..Output::default()
+        };
         pages::show(ui, &self.state, &mut output);
         for command in output.commands {
             self.command(&context, command);
@@ -98,7 +120,9 @@ impl eframe::App for App {
 /// Sooner than usual while the twin waits for its pause to pass.
 fn next_look_s(state: &State) -> f32 {
     match state.compose.twin.status {
-        crate::state::TwinStatus::Waiting { start_at_s } => ((start_at_s - state.clock.time_s).max(0.0) as f32 + 0.005).min(IDLE_S),
+        crate::state::TwinStatus::Waiting { start_at_s } => {
+            ((start_at_s - state.clock.time_s).max(0.0) as f32 + 0.005).min(IDLE_S)
+        }
         _ => IDLE_S,
     }
 }
@@ -112,7 +136,10 @@ fn keys(context: &Context, page: Page) -> Vec<Command> {
     if context.text_edit_focused() || context.egui_wants_keyboard_input() {
         return commands;
     }
-    for (key, page) in [Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num5].into_iter().zip(Page::ALL) {
+    for (key, page) in [Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num5]
+        .into_iter()
+        .zip(Page::ALL)
+    {
         if context.input_mut(|i| i.consume_key(Modifiers::NONE, key)) {
             commands.push(Command::ShowPage(page));
         }

@@ -18,38 +18,85 @@ pub enum Command {
 
     ChooseTemplate(Template),
     SetLabel(String),
-    SetDuration { duration_s: f64 },
+    SetDuration {
+        duration_s: f64,
+    },
     SetSeed(u64),
-    SetParameter { key: &'static str, value: f64 },
+    SetParameter {
+        key: &'static str,
+        value: f64,
+    },
     ResetParameters,
-    MoveStart { robot: RobotIndex, x_m: f64, y_m: f64 },
-    TurnStart { robot: RobotIndex, yaw_rad: f64 },
-    MoveTarget { target: TargetIndex, x_m: f64, y_m: f64 },
+    MoveStart {
+        robot: RobotIndex,
+        x_m: f64,
+        y_m: f64,
+    },
+    TurnStart {
+        robot: RobotIndex,
+        yaw_rad: f64,
+    },
+    MoveTarget {
+        target: TargetIndex,
+        x_m: f64,
+        y_m: f64,
+    },
     CopyDocument,
     Submit,
 
     PlayPause,
-    Seek { time_s: f64 },
+    Seek {
+        time_s: f64,
+    },
     SetSpeed(f64),
 
     AskCancel(Uuid),
     ConfirmCancel(Uuid),
     KeepRun,
     OpenRun(Uuid),
-    Download { url: String, file_name: String },
+    Download {
+        url: String,
+        file_name: String,
+    },
 }
 
 /// What arrived from the server, the worker or the live connection.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Event {
-    Answer { request: Request, answer: Answer },
-    TwinProgress { id: u32, fraction: f64 },
-    TwinDone { id: u32, verdict: Box<Verdict>, replay: Box<Replay>, digest: String, twin_version: String },
-    TwinProblems { id: u32, problems: Vec<api::problem::FieldProblem> },
-    TwinFailed { id: u32, message: String },
-    LiveOpened { run: Uuid },
-    LiveFrame { run: Uuid, text: String },
-    LiveClosed { run: Uuid, reason: String },
+    Answer {
+        request: Request,
+        answer: Answer,
+    },
+    TwinProgress {
+        id: u32,
+        fraction: f64,
+    },
+    TwinDone {
+        id: u32,
+        verdict: Box<Verdict>,
+        replay: Box<Replay>,
+        digest: String,
+        twin_version: String,
+    },
+    TwinProblems {
+        id: u32,
+        problems: Vec<api::problem::FieldProblem>,
+    },
+    TwinFailed {
+        id: u32,
+        message: String,
+    },
+    LiveOpened {
+        run: Uuid,
+    },
+    LiveFrame {
+        run: Uuid,
+        text: String,
+    },
+    LiveClosed {
+        run: Uuid,
+        reason: String,
+    },
 }
 
 /// A REST call, named so that the answer finds its place.
@@ -77,13 +124,29 @@ pub struct HttpAnswer {
 /// What the platform is asked to do.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Effect {
-    Send { request: Request, body: Option<String>, idempotency_key: Option<Uuid> },
-    StartTwin { id: u32, scenario: String },
-    CancelTwin { id: u32 },
-    OpenLive { run: Uuid },
+    Send {
+        request: Request,
+        body: Option<String>,
+        idempotency_key: Option<Uuid>,
+    },
+    StartTwin {
+        id: u32,
+        scenario: String,
+    },
+    CancelTwin {
+        id: u32,
+    },
+    OpenLive {
+        run: Uuid,
+    },
     CloseLive,
     CopyText(String),
-    Download { url: String, file_name: String },
+    Download {
+        url: String,
+        file_name: String,
+    },
     SetAddress(String),
-    StoreTheme { dark: bool },
+    StoreTheme {
+        dark: bool,
+    },
 }

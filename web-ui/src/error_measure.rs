@@ -17,7 +17,11 @@ pub fn path(experiment: &Experiment, robot: usize) -> Option<Vec<[f64; 2]>> {
     }
     let robot = experiment.robots.get(robot)?;
     let mut path = vec![[robot.start.x_m, robot.start.y_m]];
-    for target in experiment.targets.iter().filter(|t| t.robot.as_ref().is_none_or(|name| *name == robot.name)) {
+    for target in experiment
+        .targets
+        .iter()
+        .filter(|t| t.robot.as_ref().is_none_or(|name| *name == robot.name))
+    {
         let point = [target.x_m, target.y_m];
         if path.last().is_none_or(|last| distance(*last, point) > 1e-3) {
             path.push(point);
@@ -94,13 +98,21 @@ fn position_at(robot: &ReplayRobot, period_s: f64, time_s: f64) -> Option<[f64; 
 /// Pose at a time, straight between frames (yaw the short way round); holds the first and last.
 pub fn pose_at(robot: &ReplayRobot, period_s: f64, time_s: f64) -> Option<[f64; 3]> {
     let last = robot.poses.len().checked_sub(1)?;
-    let place = if period_s > 0.0 { (time_s / period_s).clamp(0.0, last as f64) } else { 0.0 };
+    let place = if period_s > 0.0 {
+        (time_s / period_s).clamp(0.0, last as f64)
+    } else {
+        0.0
+    };
     let frame = place.floor() as usize;
     let a = robot.poses[frame];
     let b = robot.poses[(frame + 1).min(last)];
     let share = place - frame as f64;
     let turn = (b[2] - a[2] + std::f64::consts::PI).rem_euclid(std::f64::consts::TAU) - std::f64::consts::PI;
-    Some([a[0] + (b[0] - a[0]) * share, a[1] + (b[1] - a[1]) * share, a[2] + turn * share])
+    Some([
+        a[0] + (b[0] - a[0]) * share,
+        a[1] + (b[1] - a[1]) * share,
+        a[2] + turn * share,
+    ])
 }
 
 /// The robot of this name in a recording.
@@ -123,7 +135,10 @@ mod tests {
 
     #[test]
     fn the_path_starts_at_the_robot_and_repeats_no_point() {
-        assert_eq!(out_and_back(), [[-1.0, -0.5], [-1.0, 0.5], [1.0, 0.5], [-1.0, 0.5], [-1.0, -0.5]]);
+        assert_eq!(
+            out_and_back(),
+            [[-1.0, -0.5], [-1.0, 0.5], [1.0, 0.5], [-1.0, 0.5], [-1.0, -0.5]]
+        );
         assert_eq!(path(&Template::SwapCorners.experiment(), 0), None);
     }
 
@@ -134,26 +149,41 @@ mod tests {
         for leg in path.windows(2) {
             for step in 0..=100 {
                 let s = f64::from(step) / 100.0;
-                walk.push([leg[0][0] + (leg[1][0] - leg[0][0]) * s, leg[0][1] + (leg[1][1] - leg[0][1]) * s]);
+                walk.push([
+                    leg[0][0] + (leg[1][0] - leg[0][0]) * s,
+                    leg[0][1] + (leg[1][1] - leg[0][1]) * s,
+                ]);
             }
         }
         let errors = path_errors_m(&path, walk.into_iter());
-        assert!(errors.iter().all(|e| *e < 1e-9), "{:?}", errors.iter().copied().fold(0.0, f64::max));
+        assert!(
+            errors.iter().all(|e| *e < 1e-9),
+            "{:?}",
+            errors.iter().copied().fold(0.0, f64::max)
+        );
     }
 
     #[test]
     fn leaving_out_a_leg_is_an_error() {
         // Straight back down after the first corner: the long leg out to x = 1 is missing.
-        let walk = (0..=100).map(|n| [-1.0, -0.5 + f64::from(n) * 0.01]).chain((0..=100).map(|n| [-1.0, 0.5 - f64::from(n) * 0.01]));
+        let walk = (0..=100)
+            .map(|n| [-1.0, -0.5 + f64::from(n) * 0.01])
+            .chain((0..=100).map(|n| [-1.0, 0.5 - f64::from(n) * 0.01]));
         let errors = path_errors_m(&out_and_back(), walk);
         assert!(errors[..=100].iter().all(|e| *e < 1e-9));
-        assert!((errors.last().copied().unwrap_or(0.0) - 1.0).abs() < 1e-9, "{:?}", errors.last());
+        assert!(
+            (errors.last().copied().unwrap_or(0.0) - 1.0).abs() < 1e-9,
+            "{:?}",
+            errors.last()
+        );
     }
 
     #[test]
     fn turning_short_of_the_waypoint_costs_nothing_but_overshoot_counts() {
         let path = [[0.0, 0.0], [1.0, 0.0], [0.0, 0.0]];
-        let short = (0..=95).map(|n| [f64::from(n) * 0.01, 0.02]).chain((0..=95).rev().map(|n| [f64::from(n) * 0.01, 0.02]));
+        let short = (0..=95)
+            .map(|n| [f64::from(n) * 0.01, 0.02])
+            .chain((0..=95).rev().map(|n| [f64::from(n) * 0.01, 0.02]));
         assert!(path_errors_m(&path, short).iter().all(|e| (e - 0.02).abs() < 1e-9));
         let over = (0..=110).map(|n| [f64::from(n) * 0.01, 0.0]);
         let last = path_errors_m(&path, over).last().copied();
@@ -162,7 +192,11 @@ mod tests {
 
     #[test]
     fn gap_is_taken_at_equal_times_while_both_last() {
-        let robot = |poses: &[[f64; 3]]| ReplayRobot { name: "a".to_owned(), poses: poses.to_vec(), targets: Vec::new() };
+        let robot = |poses: &[[f64; 3]]| ReplayRobot {
+            name: "a".to_owned(),
+            poses: poses.to_vec(),
+            targets: Vec::new(),
+        };
         let slow = robot(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]);
         let fast = robot(&[[0.0, 0.0, 0.0], [0.5, 0.3, 0.0], [1.0, 0.4, 0.0], [9.0, 0.0, 0.0]]);
         let gap = gap_m((&fast, 0.5), (&slow, 1.0));
@@ -172,7 +206,11 @@ mod tests {
 
     #[test]
     fn yaw_turns_the_short_way_between_frames() {
-        let robot = ReplayRobot { name: "a".to_owned(), poses: vec![[0.0, 0.0, 3.0], [0.0, 0.0, -3.0]], targets: Vec::new() };
+        let robot = ReplayRobot {
+            name: "a".to_owned(),
+            poses: vec![[0.0, 0.0, 3.0], [0.0, 0.0, -3.0]],
+            targets: Vec::new(),
+        };
         let yaw = pose_at(&robot, 1.0, 0.5).expect("frames")[2];
         assert!((yaw.abs() - std::f64::consts::PI).abs() < 1e-9, "{yaw}");
     }

@@ -97,7 +97,13 @@ pub fn summary(state: &State) -> Summary {
             submit_obstacle: crate::update::submit_obstacle(state),
         },
         queue: QueueSummary {
-            runs: state.queue.runs.iter().flatten().map(|r| (r.id.to_string(), r.state.as_str())).collect(),
+            runs: state
+                .queue
+                .runs
+                .iter()
+                .flatten()
+                .map(|r| (r.id.to_string(), r.state.as_str()))
+                .collect(),
         },
         live: LiveSummary {
             run: state.live.run.map(|id| id.to_string()),
@@ -121,7 +127,9 @@ pub fn summary(state: &State) -> Summary {
 
 fn twin(state: &State) -> TwinSummary {
     let twin = &state.compose.twin;
-    let current = matches!(twin.status, TwinStatus::Done).then_some(()).and(twin.result.as_ref());
+    let current = matches!(twin.status, TwinStatus::Done)
+        .then_some(())
+        .and(twin.result.as_ref());
     TwinSummary {
         running: matches!(twin.status, TwinStatus::Waiting { .. } | TwinStatus::Running { .. }),
         accepted: current.map(|r| r.verdict.accepted),
@@ -135,8 +143,13 @@ fn twin(state: &State) -> TwinSummary {
             TwinStatus::Problems(_) => "problems",
             TwinStatus::Failed(_) => "failed",
         },
-        findings: current.map(|r| r.verdict.findings.iter().map(|f| f.code.clone()).collect()).unwrap_or_default(),
-        problems: crate::update::field_problems(state).iter().map(|p| p.field.clone()).collect(),
+        findings: current
+            .map(|r| r.verdict.findings.iter().map(|f| f.code.clone()).collect())
+            .unwrap_or_default(),
+        problems: crate::update::field_problems(state)
+            .iter()
+            .map(|p| p.field.clone())
+            .collect(),
     }
 }
 

@@ -20,7 +20,11 @@ impl Output {
 
     /// Names a widget for tests.
     pub fn mark(&mut self, name: impl Into<String>, response: &Response) {
-        self.mark_rect(name, response.rect.intersect(response.interact_rect), response.enabled());
+        self.mark_rect(
+            name,
+            response.rect.intersect(response.interact_rect),
+            response.enabled(),
+        );
     }
 
     pub fn mark_rect(&mut self, name: impl Into<String>, rect: Rect, enabled: bool) {

@@ -16,25 +16,39 @@ pub fn law_title(law: &str) -> &'static str {
 /// The name beside the slider: the key without its unit, in words.
 pub fn title(spec: &ParameterSpec) -> String {
     let units = ["_rad_per_s", "_m_per_s2", "_m_per_s", "_per_s", "_rad", "_m", "_s"];
-    let bare = units.into_iter().find_map(|unit| spec.key.strip_suffix(unit)).unwrap_or(spec.key);
+    let bare = units
+        .into_iter()
+        .find_map(|unit| spec.key.strip_suffix(unit))
+        .unwrap_or(spec.key);
     let bare = bare.replace("epsilon_p", "reference step").replace('_', " ");
     let mut letters = bare.chars();
-    letters.next().map_or_else(String::new, |c| c.to_uppercase().collect::<String>() + letters.as_str())
+    letters
+        .next()
+        .map_or_else(String::new, |c| c.to_uppercase().collect::<String>() + letters.as_str())
 }
 
 /// The value in the document, or the default where it says nothing.
 pub fn value(experiment: &Experiment, spec: &ParameterSpec) -> f64 {
-    experiment.control.parameters.get(spec.key).and_then(serde_json::Value::as_f64).unwrap_or(spec.default)
+    experiment
+        .control
+        .parameters
+        .get(spec.key)
+        .and_then(serde_json::Value::as_f64)
+        .unwrap_or(spec.default)
 }
 
 /// Writes a value into the document; the default leaves no trace there.
 pub fn set(experiment: &mut Experiment, key: &str, value: f64) {
-    let Some(spec) = specs(&experiment.control.law).iter().find(|s| s.key == key) else { return };
+    let Some(spec) = specs(&experiment.control.law).iter().find(|s| s.key == key) else {
+        return;
+    };
     let value = value.clamp(spec.min, spec.max);
     if !experiment.control.parameters.is_object() {
         experiment.control.parameters = serde_json::json!({});
     }
-    let Some(entries) = experiment.control.parameters.as_object_mut() else { return };
+    let Some(entries) = experiment.control.parameters.as_object_mut() else {
+        return;
+    };
     if value == spec.default {
         entries.remove(key);
     } else {
@@ -51,7 +65,10 @@ mod tests {
     fn the_default_leaves_no_trace_and_values_stay_in_range() {
         let mut experiment = Template::RectangleOmni4.experiment();
         set(&mut experiment, "speed_m_per_s", 99.0);
-        let spec = specs("waypoints").iter().find(|s| s.key == "speed_m_per_s").expect("the law has a speed");
+        let spec = specs("waypoints")
+            .iter()
+            .find(|s| s.key == "speed_m_per_s")
+            .expect("the law has a speed");
         assert_eq!(value(&experiment, spec), spec.max);
         set(&mut experiment, "speed_m_per_s", spec.default);
         assert_eq!(experiment.control.parameters, serde_json::json!({}));
@@ -65,7 +82,12 @@ mod tests {
             let experiment = template.experiment();
             let specs = specs(&experiment.control.law);
             assert!(!specs.is_empty() && !law_title(&experiment.control.law).is_empty());
-            assert!(specs.iter().all(|s| !title(s).contains('_') && !title(s).ends_with(" m")), "{template:?}");
+            assert!(
+                specs
+                    .iter()
+                    .all(|s| !title(s).contains('_') && !title(s).ends_with(" m")),
+                "{template:?}"
+            );
         }
     }
 }

@@ -18,12 +18,20 @@ pub struct Platform {
 
 impl Platform {
     pub const fn new(inbox: Inbox) -> Self {
-        Self { inbox, worker: None, live: None }
+        Self {
+            inbox,
+            worker: None,
+            live: None,
+        }
     }
 
     pub fn run(&mut self, context: &egui::Context, effect: Effect) {
         match effect {
-            Effect::Send { request, body, idempotency_key } => http::send(self.inbox.clone(), request, body, idempotency_key),
+            Effect::Send {
+                request,
+                body,
+                idempotency_key,
+            } => http::send(self.inbox.clone(), request, body, idempotency_key),
             Effect::StartTwin { id, scenario } => self.start_twin(id, &scenario),
             Effect::CancelTwin { id } => {
                 if let Some(worker) = &self.worker {
@@ -63,8 +71,16 @@ impl Platform {
 }
 
 fn download(url: &str, file_name: &str) {
-    let Some(document) = web_sys::window().and_then(|w| w.document()) else { return };
-    let Some(link) = document.create_element("a").ok().and_then(|e| e.dyn_into::<HtmlAnchorElement>().ok()) else { return };
+    let Some(document) = web_sys::window().and_then(|w| w.document()) else {
+        return;
+    };
+    let Some(link) = document
+        .create_element("a")
+        .ok()
+        .and_then(|e| e.dyn_into::<HtmlAnchorElement>().ok())
+    else {
+        return;
+    };
     link.set_href(url);
     link.set_download(file_name);
     link.unchecked_ref::<HtmlElement>().click();

@@ -40,9 +40,12 @@ pub fn scenario_json(experiment: &Experiment, lab: &Lab) -> Result<String, Vec<F
         });
     }
     match (arena, problems.is_empty()) {
-        (Some(arena), true) => {
-            Ok(serde_json::to_string(&Scenario { experiment, robots, arena }).expect("a scenario has string keys"))
-        }
+        (Some(arena), true) => Ok(serde_json::to_string(&Scenario {
+            experiment,
+            robots,
+            arena,
+        })
+        .expect("a scenario has string keys")),
         _ => Err(problems),
     }
 }

@@ -20,7 +20,13 @@ pub async fn start(canvas_id: String) -> Result<(), wasm_bindgen::JsValue> {
         .ok_or_else(|| JsError::new("the page has no canvas to draw on"))?;
     let runner = eframe::WebRunner::new();
     RUNNER.with(|slot| *slot.borrow_mut() = Some(runner.clone()));
-    runner.start(canvas, eframe::WebOptions::default(), Box::new(|creation| Ok(Box::new(App::new(creation))))).await
+    runner
+        .start(
+            canvas,
+            eframe::WebOptions::default(),
+            Box::new(|creation| Ok(Box::new(App::new(creation)))),
+        )
+        .await
 }
 
 /// The newest frame for tests, as JSON.
@@ -32,5 +38,10 @@ pub fn inspect() -> String {
 /// What went wrong, once the dashboard has stopped because of it.
 #[wasm_bindgen]
 pub fn crash_report() -> Option<String> {
-    RUNNER.with(|slot| slot.borrow().as_ref().and_then(eframe::WebRunner::panic_summary).map(|s| s.message()))
+    RUNNER.with(|slot| {
+        slot.borrow()
+            .as_ref()
+            .and_then(eframe::WebRunner::panic_summary)
+            .map(|s| s.message())
+    })
 }

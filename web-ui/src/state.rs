@@ -200,8 +200,12 @@ pub enum TwinStatus {
     #[default]
     Idle,
     /// Something changed; starts when the person pauses.
-    Waiting { start_at_s: f64 },
-    Running { fraction: f64 },
+    Waiting {
+        start_at_s: f64,
+    },
+    Running {
+        fraction: f64,
+    },
     Done,
     Problems(Vec<FieldProblem>),
     Failed(String),
@@ -225,7 +229,11 @@ pub struct Playback {
 
 impl Default for Playback {
     fn default() -> Self {
-        Self { time_s: 0.0, playing: false, speed: 1.0 }
+        Self {
+            time_s: 0.0,
+            playing: false,
+            speed: 1.0,
+        }
     }
 }
 
@@ -256,7 +264,10 @@ pub struct Queue {
 impl Queue {
     /// The run on the floor now.
     pub fn active(&self) -> Option<&RunView> {
-        self.runs.as_deref()?.iter().find(|r| matches!(r.state, RunState::Preparing | RunState::Running))
+        self.runs
+            .as_deref()?
+            .iter()
+            .find(|r| matches!(r.state, RunState::Preparing | RunState::Running))
     }
 
     pub fn find(&self, id: Uuid) -> Option<&RunView> {
@@ -340,7 +351,12 @@ impl State {
                 edited: false,
                 experiment: template.experiment(),
                 label: template.title().to_owned(),
-                twin: Twin { status: TwinStatus::Waiting { start_at_s: clock.time_s }, ..Twin::default() },
+                twin: Twin {
+                    status: TwinStatus::Waiting {
+                        start_at_s: clock.time_s,
+                    },
+                    ..Twin::default()
+                },
                 playback: Playback::default(),
                 submission: Submission::Ready,
                 session,

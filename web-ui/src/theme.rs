@@ -36,7 +36,7 @@ fn set_style(style: &mut Style, palette: &Palette) {
     let proportional = |size| FontId::new(size, FontFamily::Proportional);
     style.text_styles = [
         (TextStyle::Heading, proportional(20.0)),
-        (section_style(), proportional(15.5)),
+        (section_style(), proportional(16.5)),
         (TextStyle::Body, proportional(14.0)),
         (TextStyle::Button, proportional(14.0)),
         (TextStyle::Small, proportional(12.0)),
@@ -58,7 +58,11 @@ fn set_style(style: &mut Style, palette: &Palette) {
 }
 
 fn set_visuals(visuals: &mut Visuals, palette: &Palette) {
-    *visuals = if palette.dark { Visuals::dark() } else { Visuals::light() };
+    *visuals = if palette.dark {
+        Visuals::dark()
+    } else {
+        Visuals::light()
+    };
     visuals.panel_fill = palette.ground;
     visuals.window_fill = palette.raised;
     visuals.window_stroke = Stroke::new(1.0, palette.line);
@@ -72,11 +76,18 @@ fn set_visuals(visuals: &mut Visuals, palette: &Palette) {
     visuals.selection.bg_fill = palette.accent_soft;
     visuals.selection.stroke = Stroke::new(1.5, palette.accent);
     visuals.slider_trailing_fill = true;
+    visuals.handle_shape = egui::style::HandleShape::Circle;
     visuals.striped = false;
     visuals.window_corner_radius = CornerRadius::same(CORNER + 4);
     visuals.menu_corner_radius = CornerRadius::same(CORNER);
     let widgets = &mut visuals.widgets;
-    for widget in [&mut widgets.noninteractive, &mut widgets.inactive, &mut widgets.hovered, &mut widgets.active, &mut widgets.open] {
+    for widget in [
+        &mut widgets.noninteractive,
+        &mut widgets.inactive,
+        &mut widgets.hovered,
+        &mut widgets.active,
+        &mut widgets.open,
+    ] {
         widget.corner_radius = CornerRadius::same(CORNER);
         widget.expansion = 0.0;
         widget.fg_stroke.color = palette.ink;

@@ -10,10 +10,25 @@ use serde_json::json;
 #[derive(Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 enum Message {
-    Progress { id: u32, fraction: f64 },
-    Done { id: u32, verdict: Document<Verdict>, replay: Document<Replay>, digest: String, twin_version: String },
-    Problems { id: u32, problems: Document<Vec<FieldProblem>> },
-    Error { id: u32, message: String },
+    Progress {
+        id: u32,
+        fraction: f64,
+    },
+    Done {
+        id: u32,
+        verdict: Document<Verdict>,
+        replay: Document<Replay>,
+        digest: String,
+        twin_version: String,
+    },
+    Problems {
+        id: u32,
+        problems: Document<Vec<FieldProblem>>,
+    },
+    Error {
+        id: u32,
+        message: String,
+    },
 }
 
 /// The module hands its results over as JSON text; the worker may pass them on as text or as objects.
@@ -47,10 +62,23 @@ pub fn cancel_message(id: u32) -> String {
 pub fn event(text: &str) -> Result<Event, serde_json::Error> {
     Ok(match serde_json::from_str(text)? {
         Message::Progress { id, fraction } => Event::TwinProgress { id, fraction },
-        Message::Done { id, verdict, replay, digest, twin_version } => {
-            Event::TwinDone { id, verdict: Box::new(verdict.open()?), replay: Box::new(replay.open()?), digest, twin_version }
-        }
-        Message::Problems { id, problems } => Event::TwinProblems { id, problems: problems.open()? },
+        Message::Done {
+            id,
+            verdict,
+            replay,
+            digest,
+            twin_version,
+        } => Event::TwinDone {
+            id,
+            verdict: Box::new(verdict.open()?),
+            replay: Box::new(replay.open()?),
+            digest,
+            twin_version,
+        },
+        Message::Problems { id, problems } => Event::TwinProblems {
+            id,
+            problems: problems.open()?,
+        },
         Message::Error { id, message } => Event::TwinFailed { id, message },
     })
 }
@@ -89,24 +117,39 @@ mod browser {
             let worker = Worker::new_with_options(SCRIPT, &options).map_err(|e| words(&e))?;
             let current = Rc::new(Cell::new(0));
             let broken = Rc::new(Cell::new(false));
-            let (to, id) = (inbox.clone(), Rc::clone(&current));
+            let (to, id, dead) = (inbox.clone(), Rc::clone(&current), Rc::clone(&broken));
             let on_message = Closure::<dyn FnMut(MessageEvent)>::new(move |message: MessageEvent| {
                 let text = text_of(&message.data());
-                to.push(event(&text).unwrap_or_else(|e| Event::TwinFailed {
+                let event = event(&text).unwrap_or_else(|e| Event::TwinFailed {
                     id: id.get(),
                     message: format!("its answer could not be read ({e})"),
-                }));
+                });
+                // A program that failed to load or broke does not recover; the next start gets a new worker.
+                if matches!(event, Event::TwinFailed { .. }) {
+                    dead.set(true);
+                }
+                to.push(event);
             });
             let (to, id, dead) = (inbox.clone(), Rc::clone(&current), Rc::clone(&broken));
             let on_error = Closure::<dyn FnMut(ErrorEvent)>::new(move |error: ErrorEvent| {
                 dead.set(true);
                 let message = error.message();
-                let message = if message.is_empty() { "its program could not be loaded".to_owned() } else { message };
+                let message = if message.is_empty() {
+                    "its program could not be loaded".to_owned()
+                } else {
+                    message
+                };
                 to.push(Event::TwinFailed { id: id.get(), message });
             });
             worker.set_onmessage(Some(on_message.as_ref().unchecked_ref()));
             worker.set_onerror(Some(on_error.as_ref().unchecked_ref()));
-            Ok(Self { worker, current, broken, _on_message: on_message, _on_error: on_error })
+            Ok(Self {
+                worker,
+                current,
+                broken,
+                _on_message: on_message,
+                _on_error: on_error,
+            })
         }
 
         pub fn is_broken(&self) -> bool {

@@ -22,9 +22,20 @@ pub fn scene(painter: &Painter, scene: &Scene, projection: &Projection, floor: R
         trail(painter, item, projection, palette);
     }
     for item in &scene.targets {
-        target(painter, projection.page_from_floor([item.x_m, item.y_m]), colour(item.ink, palette), &item.label, palette);
+        target(
+            painter,
+            projection.page_from_floor([item.x_m, item.y_m]),
+            colour(item.ink, palette),
+            &item.label,
+            palette,
+        );
     }
-    for item in scene.robots.iter().filter(|r| r.ghost).chain(scene.robots.iter().filter(|r| !r.ghost)) {
+    for item in scene
+        .robots
+        .iter()
+        .filter(|r| r.ghost)
+        .chain(scene.robots.iter().filter(|r| !r.ghost))
+    {
         robot(painter, item, projection, palette);
     }
 }
@@ -37,24 +48,52 @@ fn grid(painter: &Painter, scene: &Scene, projection: &Projection, floor: Rect, 
             let at_m = f64::from(step) * GRID_M;
             let whole = step % 2 == 0;
             let stroke = Stroke::new(1.0, if whole { palette.grid_strong } else { palette.grid });
-            let label = if at_m < 0.0 { format!("\u{2212}{}", -at_m) } else { format!("{at_m}") };
+            let label = if at_m < 0.0 {
+                format!("\u{2212}{}", -at_m)
+            } else {
+                format!("{at_m}")
+            };
             if horizontal {
                 let x = projection.page_from_floor([at_m, 0.0]).x;
                 painter.vline(x, floor.y_range(), stroke);
                 if whole {
-                    painter.text(pos2(x, floor.max.y + 7.0), Align2::CENTER_TOP, label, font.clone(), palette.faint_ink);
+                    painter.text(
+                        pos2(x, floor.max.y + 7.0),
+                        Align2::CENTER_TOP,
+                        label,
+                        font.clone(),
+                        palette.faint_ink,
+                    );
                 }
             } else {
                 let y = projection.page_from_floor([0.0, at_m]).y;
                 painter.hline(floor.x_range(), y, stroke);
                 if whole {
-                    painter.text(pos2(floor.min.x - 8.0, y), Align2::RIGHT_CENTER, label, font.clone(), palette.faint_ink);
+                    painter.text(
+                        pos2(floor.min.x - 8.0, y),
+                        Align2::RIGHT_CENTER,
+                        label,
+                        font.clone(),
+                        palette.faint_ink,
+                    );
                 }
             }
         }
     }
-    painter.text(floor.right_bottom() + vec2(8.0, 7.0), Align2::LEFT_TOP, "x/m", font.clone(), palette.faint_ink);
-    painter.text(floor.left_top() + vec2(-8.0, -6.0), Align2::RIGHT_BOTTOM, "y/m", font, palette.faint_ink);
+    painter.text(
+        floor.right_bottom() + vec2(8.0, 7.0),
+        Align2::LEFT_TOP,
+        "x/m",
+        font.clone(),
+        palette.faint_ink,
+    );
+    painter.text(
+        floor.left_top() + vec2(-8.0, -6.0),
+        Align2::RIGHT_BOTTOM,
+        "y/m",
+        font,
+        palette.faint_ink,
+    );
 }
 
 fn band(painter: &Painter, path: &[[f64; 2]], projection: &Projection, palette: &Palette) {
@@ -80,7 +119,12 @@ fn trail(painter: &Painter, trail: &Trail, projection: &Projection, palette: &Pa
         return;
     }
     if trail.dashed {
-        painter.extend(egui::Shape::dashed_line(&points, Stroke::new(1.8, ink), DASH, DASH * 0.7));
+        painter.extend(egui::Shape::dashed_line(
+            &points,
+            Stroke::new(1.8, ink),
+            DASH,
+            DASH * 0.7,
+        ));
     } else {
         painter.line(points, PathStroke::new(2.0, ink));
     }
@@ -109,7 +153,10 @@ struct Body<'a> {
 impl Body<'_> {
     fn page(&self, x_m: f64, y_m: f64) -> Pos2 {
         let (sin, cos) = self.pose[2].sin_cos();
-        self.projection.page_from_floor([self.pose[0] + cos * x_m - sin * y_m, self.pose[1] + sin * x_m + cos * y_m])
+        self.projection.page_from_floor([
+            self.pose[0] + cos * x_m - sin * y_m,
+            self.pose[1] + sin * x_m + cos * y_m,
+        ])
     }
 
     /// A box around a point of the body, turned by an angle of its own.
@@ -127,24 +174,51 @@ impl Body<'_> {
 
 fn robot(painter: &Painter, robot: &SceneRobot, projection: &Projection, palette: &Palette) {
     let ink = colour(robot.ink, palette);
-    let body = Body { pose: robot.pose, projection };
+    let body = Body {
+        pose: robot.pose,
+        projection,
+    };
     let outline = chamfered(&body, &robot.shape);
     if robot.ghost {
         let mut closed = outline.clone();
         closed.push(outline[0]);
-        painter.extend(egui::Shape::dashed_line(&closed, Stroke::new(1.6, ink), DASH * 0.8, DASH * 0.6));
+        painter.extend(egui::Shape::dashed_line(
+            &closed,
+            Stroke::new(1.6, ink),
+            DASH * 0.8,
+            DASH * 0.6,
+        ));
     } else {
-        painter.add(egui::Shape::convex_polygon(outline, palette.floor.lerp_to_gamma(ink, 0.22), Stroke::new(2.0, ink)));
+        painter.add(egui::Shape::convex_polygon(
+            outline,
+            palette.floor.lerp_to_gamma(ink, 0.22),
+            Stroke::new(2.0, ink),
+        ));
         for wheel in &robot.shape.wheels {
-            let half_m = if wheel.driven { [wheel.radius_m * 0.8, 0.014] } else { [wheel.radius_m * 0.7; 2] };
+            let half_m = if wheel.driven {
+                [wheel.radius_m * 0.8, 0.014]
+            } else {
+                [wheel.radius_m * 0.7; 2]
+            };
             let points = body.page_box([wheel.x_m, wheel.y_m], wheel.direction_rad, half_m);
-            painter.add(egui::Shape::convex_polygon(points, ink.gamma_multiply(0.75), Stroke::NONE));
+            painter.add(egui::Shape::convex_polygon(
+                points,
+                ink.gamma_multiply(0.75),
+                Stroke::NONE,
+            ));
         }
     }
     heading(painter, &body, &robot.shape, ink);
     if robot.show_name {
-        let below = projection.page_from_floor([robot.pose[0], robot.pose[1]]) + vec2(0.0, projection.length(robot_extent_m(&robot.shape)) + 3.0);
-        painter.text(below, Align2::CENTER_TOP, &robot.name, FontId::proportional(NAME_SIZE), palette.ink);
+        let below = projection.page_from_floor([robot.pose[0], robot.pose[1]])
+            + vec2(0.0, projection.length(robot_extent_m(&robot.shape)) + 3.0);
+        painter.text(
+            below,
+            Align2::CENTER_TOP,
+            &robot.name,
+            FontId::proportional(NAME_SIZE),
+            palette.ink,
+        );
     }
     if let Some(mark) = &robot.mark {
         safety_mark(painter, &body, robot, mark, palette);
@@ -156,7 +230,13 @@ fn safety_mark(painter: &Painter, body: &Body<'_>, robot: &SceneRobot, mark: &st
     let radius = body.projection.length(robot_extent_m(&robot.shape)) + 4.0;
     painter.circle_stroke(center, radius, Stroke::new(2.5, palette.warning));
     let font = FontId::proportional(NAME_SIZE);
-    painter.text(center - vec2(0.0, radius + 3.0), Align2::CENTER_BOTTOM, mark, font, palette.warning);
+    painter.text(
+        center - vec2(0.0, radius + 3.0),
+        Align2::CENTER_BOTTOM,
+        mark,
+        font,
+        palette.warning,
+    );
 }
 
 /// Farthest point of the body from its origin.
@@ -169,8 +249,14 @@ fn chamfered(body: &Body<'_>, shape: &Shape) -> Vec<Pos2> {
     let (l, w) = (shape.half_length_m, shape.half_width_m);
     let cut = 0.22 * l.min(w);
     [
-        [l, w - cut], [l - cut, w], [cut - l, w], [-l, w - cut],
-        [-l, cut - w], [cut - l, -w], [l - cut, -w], [l, cut - w],
+        [l, w - cut],
+        [l - cut, w],
+        [cut - l, w],
+        [-l, w - cut],
+        [-l, cut - w],
+        [cut - l, -w],
+        [l - cut, -w],
+        [l, cut - w],
     ]
     .into_iter()
     .map(|[x, y]| body.page(x, y))

@@ -88,7 +88,8 @@ impl Shape {
     /// The outline follows from where the wheels are.
     pub fn of(description: Option<&RobotDescription>) -> Self {
         let wheels = description.map_or(&[][..], |d| &d.wheels[..]);
-        let reach = |extent: &dyn Fn(&api::robot::Wheel) -> f64| wheels.iter().map(extent).fold(0.12, f64::max) + OVERHANG_M;
+        let reach =
+            |extent: &dyn Fn(&api::robot::Wheel) -> f64| wheels.iter().map(extent).fold(0.12, f64::max) + OVERHANG_M;
         Self {
             half_length_m: reach(&|w| w.x_m.abs()),
             half_width_m: reach(&|w| w.y_m.abs()),
@@ -108,7 +109,11 @@ impl Shape {
 
 impl Scene {
     pub fn of_arena(arena: &Arena) -> Self {
-        Self { width_m: arena.width_m, height_m: arena.height_m, ..Self::default() }
+        Self {
+            width_m: arena.width_m,
+            height_m: arena.height_m,
+            ..Self::default()
+        }
     }
 
     /// Targets of an experiment: waypoints numbered in order (places visited twice carry both numbers), goals by robot.
@@ -116,15 +121,28 @@ impl Scene {
         let single = experiment.robots.len() == 1;
         for (index, target) in experiment.targets.iter().enumerate() {
             let robot = target_robot(experiment, target);
-            let label = if single { shared_label(&experiment.targets, index) } else { format!("{}", robot + 1) };
-            self.targets.push(SceneTarget { x_m: target.x_m, y_m: target.y_m, ink: Ink::Robot(robot), label });
+            let label = if single {
+                shared_label(&experiment.targets, index)
+            } else {
+                format!("{}", robot + 1)
+            };
+            self.targets.push(SceneTarget {
+                x_m: target.x_m,
+                y_m: target.y_m,
+                ink: Ink::Robot(robot),
+                label,
+            });
         }
     }
 }
 
 /// Place of the robot a target belongs to.
 pub fn target_robot(experiment: &Experiment, target: &Target) -> usize {
-    target.robot.as_ref().and_then(|name| experiment.robots.iter().position(|r| r.name == *name)).unwrap_or(0)
+    target
+        .robot
+        .as_ref()
+        .and_then(|name| experiment.robots.iter().position(|r| r.name == *name))
+        .unwrap_or(0)
 }
 
 /// `2, 4` at the first of several targets in one place, nothing at the others.
@@ -133,7 +151,12 @@ fn shared_label(targets: &[Target], index: usize) -> String {
     if targets[..index].iter().any(here) {
         return String::new();
     }
-    let numbers: Vec<String> = targets.iter().enumerate().filter(|(_, t)| here(t)).map(|(i, _)| (i + 1).to_string()).collect();
+    let numbers: Vec<String> = targets
+        .iter()
+        .enumerate()
+        .filter(|(_, t)| here(t))
+        .map(|(i, _)| (i + 1).to_string())
+        .collect();
     numbers.join(", ")
 }
 
@@ -146,11 +169,17 @@ pub struct Projection {
 
 impl Projection {
     pub fn page_from_floor(&self, point: [f64; 2]) -> Pos2 {
-        pos2(self.center.x + point[0] as f32 * self.points_per_m, self.center.y - point[1] as f32 * self.points_per_m)
+        pos2(
+            self.center.x + point[0] as f32 * self.points_per_m,
+            self.center.y - point[1] as f32 * self.points_per_m,
+        )
     }
 
     pub fn floor_from_page(&self, point: Pos2) -> [f64; 2] {
-        [f64::from((point.x - self.center.x) / self.points_per_m), f64::from((self.center.y - point.y) / self.points_per_m)]
+        [
+            f64::from((point.x - self.center.x) / self.points_per_m),
+            f64::from((self.center.y - point.y) / self.points_per_m),
+        ]
     }
 
     pub fn length(&self, length_m: f64) -> f32 {
@@ -173,12 +202,20 @@ pub fn show(ui: &mut Ui, scene: &Scene, height: f32) -> ArenaResponse {
     let (response, painter) = ui.allocate_painter(room, Sense::hover());
     let scale_x = (response.rect.width() - 2.0 * MARGIN) / scene.width_m.max(0.1) as f32;
     let scale_y = (response.rect.height() - 2.0 * MARGIN) / scene.height_m.max(0.1) as f32;
-    let projection = Projection { center: response.rect.center(), points_per_m: scale_x.min(scale_y).max(10.0) };
+    let projection = Projection {
+        center: response.rect.center(),
+        points_per_m: scale_x.min(scale_y).max(10.0),
+    };
     let size = vec2(projection.length(scene.width_m), projection.length(scene.height_m));
     let floor = Rect::from_center_size(projection.center, size);
     let palette = crate::theme::palette(ui.visuals().dark_mode);
     draw::scene(&painter, scene, &projection, floor, &palette);
-    ArenaResponse { response, projection, painter, floor }
+    ArenaResponse {
+        response,
+        projection,
+        painter,
+        floor,
+    }
 }
 
 /// Colour of an ink.
@@ -208,12 +245,23 @@ mod tests {
         let mut scene = Scene::default();
         scene.add_targets(&Template::SwapCorners.experiment());
         let marks: Vec<_> = scene.targets.iter().map(|t| (t.label.as_str(), t.ink)).collect();
-        assert_eq!(marks, [("1", Ink::Robot(0)), ("2", Ink::Robot(1)), ("3", Ink::Robot(2)), ("4", Ink::Robot(3))]);
+        assert_eq!(
+            marks,
+            [
+                ("1", Ink::Robot(0)),
+                ("2", Ink::Robot(1)),
+                ("3", Ink::Robot(2)),
+                ("4", Ink::Robot(3))
+            ]
+        );
     }
 
     #[test]
     fn up_on_the_floor_is_up_on_the_page_and_back_again() {
-        let projection = Projection { center: pos2(400.0, 300.0), points_per_m: 100.0 };
+        let projection = Projection {
+            center: pos2(400.0, 300.0),
+            points_per_m: 100.0,
+        };
         let page = projection.page_from_floor([1.0, 0.5]);
         assert_eq!(page, pos2(500.0, 250.0));
         let floor = projection.floor_from_page(page);

@@ -12,7 +12,10 @@ use web_sys::{Headers, RequestInit, Response};
 pub fn send(inbox: Inbox, request: Request, body: Option<String>, idempotency_key: Option<Uuid>) {
     spawn_local(async move {
         let answer = call(&request, body, idempotency_key).await.map_err(|e| words(&e));
-        inbox.push(Event::Answer { request, answer: answer as Answer });
+        inbox.push(Event::Answer {
+            request,
+            answer: answer as Answer,
+        });
     });
 }
 
@@ -33,9 +36,14 @@ async fn call(request: &Request, body: Option<String>, idempotency_key: Option<U
         init.set_body(&JsValue::from_str(&body));
     }
     let window = web_sys::window().ok_or("no window")?;
-    let response: Response = JsFuture::from(window.fetch_with_str_and_init(&path, &init)).await?.dyn_into()?;
+    let response: Response = JsFuture::from(window.fetch_with_str_and_init(&path, &init))
+        .await?
+        .dyn_into()?;
     let text = JsFuture::from(response.text()?).await?;
-    Ok(HttpAnswer { status: response.status(), body: text.as_string().unwrap_or_default() })
+    Ok(HttpAnswer {
+        status: response.status(),
+        body: text.as_string().unwrap_or_default(),
+    })
 }
 
 /// The browser's words for what went wrong.

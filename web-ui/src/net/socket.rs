@@ -23,7 +23,10 @@ impl Live {
         let socket = match WebSocket::new(&address(run)?) {
             Ok(socket) => socket,
             Err(error) => {
-                inbox.push(Event::LiveClosed { run, reason: words(&error) });
+                inbox.push(Event::LiveClosed {
+                    run,
+                    reason: words(&error),
+                });
                 return None;
             }
         };
@@ -37,12 +40,20 @@ impl Live {
         });
         let to = inbox.clone();
         let on_close = Closure::<dyn FnMut(CloseEvent)>::new(move |event: CloseEvent| {
-            to.push(Event::LiveClosed { run, reason: event.reason() });
+            to.push(Event::LiveClosed {
+                run,
+                reason: event.reason(),
+            });
         });
         socket.set_onopen(Some(on_open.as_ref().unchecked_ref()));
         socket.set_onmessage(Some(on_message.as_ref().unchecked_ref()));
         socket.set_onclose(Some(on_close.as_ref().unchecked_ref()));
-        Some(Self { socket, _on_open: on_open, _on_message: on_message, _on_close: on_close })
+        Some(Self {
+            socket,
+            _on_open: on_open,
+            _on_message: on_message,
+            _on_close: on_close,
+        })
     }
 }
 
@@ -58,6 +69,10 @@ impl Drop for Live {
 
 fn address(run: Uuid) -> Option<String> {
     let location = web_sys::window()?.location();
-    let scheme = if location.protocol().ok()? == "https:" { "wss" } else { "ws" };
+    let scheme = if location.protocol().ok()? == "https:" {
+        "wss"
+    } else {
+        "ws"
+    };
     Some(format!("{scheme}://{}{}", location.host().ok()?, live_path(run)))
 }

@@ -34,34 +34,57 @@ pub fn card<R>(ui: &mut Ui, palette: &Palette, content: impl FnOnce(&mut Ui) -> 
 pub fn primary_button(ui: &mut Ui, palette: &Palette, enabled: bool, text: &str, size: egui::Vec2) -> Response {
     let ink = if enabled { palette.on_accent } else { palette.faint_ink };
     let fill = if enabled { palette.accent } else { palette.stripe };
-    let button = Button::new(RichText::new(text).color(ink).strong()).fill(fill).min_size(size);
-    ui.add_enabled(enabled, button)
+    let button = Button::new(RichText::new(text).color(ink).strong())
+        .fill(fill)
+        .min_size(size);
+    ui.allocate_ui_with_layout(
+        size,
+        Layout::centered_and_justified(egui::Direction::LeftToRight),
+        |ui| ui.add_enabled(enabled, button),
+    )
+    .inner
 }
 
 /// A coloured word in a rounded box.
 pub fn pill(ui: &mut Ui, palette: &Palette, text: &str, tone: Tone) -> Response {
     let ink = palette.tone(tone);
-    Frame::new()
-        .fill(ink.gamma_multiply(0.14))
-        .corner_radius(10)
-        .inner_margin(Margin::symmetric(9, 2))
-        .show(ui, |ui| ui.add(egui::Label::new(RichText::new(text).color(ink).strong().size(12.5)).selectable(false)))
-        .response
+    let galley = ui
+        .painter()
+        .layout_no_wrap(text.to_owned(), egui::FontId::proportional(13.0), ink);
+    let (rect, response) = ui.allocate_exact_size(galley.size() + vec2(20.0, 7.0), egui::Sense::hover());
+    ui.painter()
+        .rect_filled(rect, rect.height() / 2.0, ink.gamma_multiply(0.14));
+    ui.painter().galley(rect.center() - galley.size() / 2.0, galley, ink);
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Label, true, text));
+    response
 }
 
 /// Names and values in two columns.
 pub fn facts(ui: &mut Ui, palette: &Palette, id: &str, rows: &[(String, String)]) {
     let name_width = 104.0;
-    Grid::new(id.to_owned()).num_columns(2).min_col_width(name_width).spacing(vec2(12.0, 6.0)).show(ui, |ui| {
-        for (name, value) in rows {
-            ui.with_layout(Layout::left_to_right(Align::Min), |ui| ui.label(RichText::new(name).color(palette.faint_ink)));
-            ui.vertical(|ui| {
-                ui.set_max_width((ui.available_width()).max(120.0));
-                ui.add(egui::Label::new(value).wrap());
-            });
-            ui.end_row();
-        }
+    ui.scope(|ui| {
+        ui.spacing_mut().interact_size.y = 18.0;
+        facts_grid(ui, palette, id, rows, name_width);
     });
+}
+
+fn facts_grid(ui: &mut Ui, palette: &Palette, id: &str, rows: &[(String, String)], name_width: f32) {
+    Grid::new(id.to_owned())
+        .num_columns(2)
+        .min_col_width(name_width)
+        .spacing(vec2(12.0, 6.0))
+        .show(ui, |ui| {
+            for (name, value) in rows {
+                ui.with_layout(Layout::left_to_right(Align::Min), |ui| {
+                    ui.label(RichText::new(name).color(palette.faint_ink))
+                });
+                ui.vertical(|ui| {
+                    ui.set_max_width((ui.available_width()).max(120.0));
+                    ui.add(egui::Label::new(value).wrap());
+                });
+                ui.end_row();
+            }
+        });
 }
 
 /// What a page says when there is nothing to show; with a way on.
@@ -70,7 +93,9 @@ pub fn empty(ui: &mut Ui, palette: &Palette, title: &str, text: &str, action: Op
     ui.vertical_centered(|ui| {
         ui.label(RichText::new(title).text_style(egui::TextStyle::Heading).strong());
         ui.add_space(theme::GAP / 2.0);
-        ui.allocate_ui(vec2(520.0, 0.0), |ui| ui.label(RichText::new(text).color(palette.faint_ink)));
+        ui.allocate_ui(vec2(520.0, 0.0), |ui| {
+            ui.label(RichText::new(text).color(palette.faint_ink))
+        });
         ui.add_space(theme::GAP);
         action.map(|action| primary_button(ui, palette, true, action, vec2(180.0, 36.0)))
     })
@@ -81,8 +106,14 @@ pub fn empty(ui: &mut Ui, palette: &Palette, title: &str, text: &str, action: Op
 pub fn playback_bar(ui: &mut Ui, output: &mut Output, playback: &Playback, duration_s: f64, prefix: &str) {
     let enabled = duration_s > 0.0;
     ui.horizontal(|ui| {
-        let (mark, hint) = if playback.playing { ("\u{23f8}  Pause", "Pause (space)") } else { ("\u{25b6}  Play", "Play (space)") };
-        let play = ui.add_enabled(enabled, Button::new(mark).min_size(vec2(92.0, theme::CONTROL_HEIGHT))).on_hover_text(hint);
+        let (mark, hint) = if playback.playing {
+            ("\u{23f8}  Pause", "Pause (space)")
+        } else {
+            ("\u{25b6}  Play", "Play (space)")
+        };
+        let play = ui
+            .add_enabled(enabled, Button::new(mark).min_size(vec2(92.0, theme::CONTROL_HEIGHT)))
+            .on_hover_text(hint);
         output.on_click(format!("{prefix}.play"), &play, Command::PlayPause);
         let mut time_s = playback.time_s.min(duration_s);
         ui.spacing_mut().slider_width = (ui.available_width() - CLOCK_WIDTH - SPEED_WIDTH).max(80.0);
@@ -92,13 +123,28 @@ pub fn playback_bar(ui: &mut Ui, output: &mut Output, playback: &Playback, durat
         if seek.changed() {
             output.send(Command::Seek { time_s });
         }
-        let clock = format!("{} / {}", theme::moment(playback.time_s.min(duration_s)), theme::moment(duration_s));
-        ui.add_sized(vec2(CLOCK_WIDTH - 16.0, theme::CONTROL_HEIGHT), egui::Label::new(RichText::new(clock).monospace()));
+        let clock = format!(
+            "{} / {}",
+            theme::moment(playback.time_s.min(duration_s)),
+            theme::moment(duration_s)
+        );
+        ui.add_sized(
+            vec2(CLOCK_WIDTH - 16.0, theme::CONTROL_HEIGHT),
+            egui::Label::new(RichText::new(clock).monospace()),
+        );
         let mut row = None::<egui::Rect>;
         for speed in SPEEDS {
-            let text = if speed < 1.0 { "\u{bd}\u{d7}".to_owned() } else { format!("{speed:.0}\u{d7}") };
+            let text = if speed < 1.0 {
+                "\u{bd}\u{d7}".to_owned()
+            } else {
+                format!("{speed:.0}\u{d7}")
+            };
             let response = ui
-                .add_enabled(enabled, Button::selectable((playback.speed - speed).abs() < 1e-9, text).min_size(vec2(44.0, theme::CONTROL_HEIGHT)))
+                .add_enabled(
+                    enabled,
+                    Button::selectable((playback.speed - speed).abs() < 1e-9, text)
+                        .min_size(vec2(44.0, theme::CONTROL_HEIGHT)),
+                )
                 .on_hover_text("Speed of the playback");
             row = Some(row.map_or(response.rect, |r| r.union(response.rect)));
             if response.clicked() {

@@ -46,13 +46,36 @@ pub const fn whose(whose: Whose) -> &'static str {
 }
 
 pub fn fault(fault: &Fault) -> String {
-    format!("{} The cause lies with {}.", full_stop(&fault.message), whose(fault.whose))
+    format!(
+        "{} The cause lies with {}.",
+        full_stop(&fault.message),
+        whose(fault.whose)
+    )
 }
 
-/// A sentence that ends as one.
+/// A sentence that begins and ends as one. Names of robots (`omni-01`) keep their small letter.
 pub fn full_stop(text: &str) -> String {
+    let text = text.trim();
+    let is_name = text
+        .split_whitespace()
+        .next()
+        .is_some_and(|word| word.chars().any(|c| c.is_ascii_digit()));
+    let mut letters = text.chars();
+    let begun = match letters.next() {
+        Some(first) if !is_name => first.to_uppercase().collect::<String>() + letters.as_str(),
+        _ => text.to_owned(),
+    };
+    ended(&begun)
+}
+
+/// Part of a sentence with its stop.
+pub fn ended(text: &str) -> String {
     let text = text.trim_end();
-    if text.is_empty() || text.ends_with(['.', '!', '?']) { text.to_owned() } else { format!("{text}.") }
+    if text.is_empty() || text.ends_with(['.', '!', '?']) {
+        text.to_owned()
+    } else {
+        format!("{text}.")
+    }
 }
 
 /// What the finding says, with its figure and limit when the message does not carry them.
@@ -69,16 +92,26 @@ pub fn finding(finding: &Finding) -> String {
 }
 
 pub fn finding_tone(finding: &Finding) -> Tone {
-    if finding.severity == "error" { Tone::Error } else { Tone::Warning }
+    if finding.severity == "error" {
+        Tone::Error
+    } else {
+        Tone::Warning
+    }
 }
 
 /// The figures of a verdict, in one line.
 pub fn verdict_figures(verdict: &Verdict) -> String {
-    let mut parts = vec![format!("{} driven", theme::seconds(verdict.ticks as f64 / f64::from(api::CONTROL_HZ)))];
+    let mut parts = vec![format!(
+        "{} driven",
+        theme::seconds(verdict.ticks as f64 / f64::from(api::CONTROL_HZ))
+    )];
     if let Some(separation_m) = verdict.smallest_separation_m {
         parts.push(format!("robots at least {} apart", theme::metres(separation_m)));
     }
-    parts.push(format!("walls at least {} away", theme::metres(verdict.smallest_wall_distance_m)));
+    parts.push(format!(
+        "walls at least {} away",
+        theme::metres(verdict.smallest_wall_distance_m)
+    ));
     if let Some(error_m) = verdict.largest_path_error_m {
         parts.push(format!("at most {} off the path", theme::millimetres(error_m)));
     }
@@ -113,7 +146,10 @@ pub fn chassis(code: &str) -> &str {
 pub fn field(path: &str) -> String {
     let words = path.trim_start_matches("experiment.");
     let (noun, rest) = words.split_once('[').unwrap_or((words, ""));
-    let Some((number, tail)) = rest.split_once(']').and_then(|(n, t)| Some((n.parse::<usize>().ok()? + 1, t))) else {
+    let Some((number, tail)) = rest
+        .split_once(']')
+        .and_then(|(n, t)| Some((n.parse::<usize>().ok()? + 1, t)))
+    else {
         return readable(words);
     };
     let noun = match noun {
@@ -128,7 +164,9 @@ pub fn field(path: &str) -> String {
 }
 
 fn readable(path: &str) -> String {
-    let path = path.trim_start_matches("control.parameters.").trim_start_matches("control.");
+    let path = path
+        .trim_start_matches("control.parameters.")
+        .trim_start_matches("control.");
     let text = match path {
         "duration_s" => "duration".to_owned(),
         "start.x_m" => "start, x".to_owned(),
@@ -140,7 +178,9 @@ fn readable(path: &str) -> String {
         other => other.replace(['_', '.'], " "),
     };
     let mut letters = text.chars();
-    letters.next().map_or_else(String::new, |c| c.to_uppercase().collect::<String>() + letters.as_str())
+    letters
+        .next()
+        .map_or_else(String::new, |c| c.to_uppercase().collect::<String>() + letters.as_str())
 }
 
 #[cfg(test)]
@@ -168,8 +208,8 @@ mod tests {
             unit: Some("m".to_owned()),
             message: "the robots come too close".to_owned(),
         };
-        assert_eq!(finding(&f), "the robots come too close. 31 mm, limit 100 mm.");
+        assert_eq!(finding(&f), "The robots come too close. 31 mm, limit 100 mm.");
         f.message = "only 31 mm remain".to_owned();
-        assert_eq!(finding(&f), "only 31 mm remain.");
+        assert_eq!(finding(&f), "Only 31 mm remain.");
     }
 }

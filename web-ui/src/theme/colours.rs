@@ -93,7 +93,14 @@ const LIGHT: Palette = Palette {
     twin: rgb(0x8a_3f_fc),
     physical: rgb(0x1f_5f_d0),
     band: rgb(0xdd_ef_e1),
-    robots: [rgb(0x1f_5f_d0), rgb(0xc2_41_0c), rgb(0x0f_76_6e), rgb(0xa2_1c_af), rgb(0x85_4d_0e), rgb(0x47_55_69)],
+    robots: [
+        rgb(0x1f_5f_d0),
+        rgb(0xc2_41_0c),
+        rgb(0x0f_76_6e),
+        rgb(0xa2_1c_af),
+        rgb(0x85_4d_0e),
+        rgb(0x47_55_69),
+    ],
 };
 
 const DARK: Palette = Palette {
@@ -120,5 +127,12 @@ const DARK: Palette = Palette {
     twin: rgb(0xc4_9b_ff),
     physical: rgb(0x6e_a8_ff),
     band: rgb(0x1f_3a_2a),
-    robots: [rgb(0x6e_a8_ff), rgb(0xff_9d_6b), rgb(0x4f_d1_c5), rgb(0xe8_92_f0), rgb(0xe0_b8_5c), rgb(0xa8_b3_c2)],
+    robots: [
+        rgb(0x6e_a8_ff),
+        rgb(0xff_9d_6b),
+        rgb(0x4f_d1_c5),
+        rgb(0xe8_92_f0),
+        rgb(0xe0_b8_5c),
+        rgb(0xa8_b3_c2),
+    ],
 };

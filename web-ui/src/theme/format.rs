@@ -6,7 +6,13 @@ use chrono::{DateTime, Utc};
 fn signed(text: String) -> String {
     match text.strip_prefix('-') {
         // A rounded zero has no sign.
-        Some(figures) if figures.chars().all(|c| matches!(c, '0' | '.' | ' ') || c.is_alphabetic() || c == '\u{b0}') => figures.to_owned(),
+        Some(figures)
+            if figures
+                .chars()
+                .all(|c| matches!(c, '0' | '.' | ' ') || c.is_alphabetic() || c == '\u{b0}') =>
+        {
+            figures.to_owned()
+        }
         Some(figures) => format!("\u{2212}{figures}"),
         None => text,
     }
@@ -116,6 +122,9 @@ mod tests {
     fn times_are_said_relative_to_now() {
         let now = DateTime::from_timestamp(1_000_000, 0).expect("valid");
         let at = |offset_s: i64| relative(DateTime::from_timestamp(1_000_000 + offset_s, 0).expect("valid"), now);
-        assert_eq!([at(2), at(42), at(-300), at(7_300)], ["now", "in 42 s", "5 min ago", "in 2 h"]);
+        assert_eq!(
+            [at(2), at(42), at(-300), at(7_300)],
+            ["now", "in 42 s", "5 min ago", "in 2 h"]
+        );
     }
 }

@@ -36,7 +36,8 @@ pub fn command(state: &mut State, command: Command) -> Vec<Effect> {
 
 /// The experiment as a person would write it to a file.
 pub fn document_json(state: &State) -> String {
-    serde_json::to_string_pretty(&state.compose.experiment).expect("an experiment has string keys and finite numbers or null")
+    serde_json::to_string_pretty(&state.compose.experiment)
+        .expect("an experiment has string keys and finite numbers or null")
 }
 
 fn choose_template(state: &mut State, template: Template) {
@@ -57,7 +58,9 @@ fn change_experiment(state: &mut State, command: Command) -> bool {
     let half = [arena.width_m / 2.0, arena.height_m / 2.0];
     let experiment = &mut state.compose.experiment;
     match command {
-        Command::SetDuration { duration_s } => experiment.duration_s = duration_s.clamp(*DURATION_S.start(), *DURATION_S.end()),
+        Command::SetDuration { duration_s } => {
+            experiment.duration_s = duration_s.clamp(*DURATION_S.start(), *DURATION_S.end())
+        }
         Command::SetSeed(seed) => experiment.seed = seed,
         Command::SetParameter { key, value } => parameters::set(experiment, key, value),
         Command::ResetParameters => experiment.control.parameters = serde_json::json!({}),
@@ -104,21 +107,32 @@ fn new_document(state: &mut State) {
 pub fn rehearse_soon(state: &mut State) {
     new_document(state);
     state.compose.playback.playing = false;
-    state.compose.twin.status = TwinStatus::Waiting { start_at_s: state.clock.time_s + PAUSE_S };
+    state.compose.twin.status = TwinStatus::Waiting {
+        start_at_s: state.clock.time_s + PAUSE_S,
+    };
 }
 
 pub fn start_twin_when_due(state: &mut State) -> Vec<Effect> {
-    let TwinStatus::Waiting { start_at_s } = state.compose.twin.status else { return Vec::new() };
+    let TwinStatus::Waiting { start_at_s } = state.compose.twin.status else {
+        return Vec::new();
+    };
     if state.clock.time_s < start_at_s {
         return Vec::new();
     }
     let former = state.compose.twin.id;
-    let mut effects = if former == 0 { Vec::new() } else { vec![Effect::CancelTwin { id: former }] };
+    let mut effects = if former == 0 {
+        Vec::new()
+    } else {
+        vec![Effect::CancelTwin { id: former }]
+    };
     match scenario_json(&state.compose.experiment, &state.lab) {
         Ok(scenario) => {
             state.compose.twin.id += 1;
             state.compose.twin.status = TwinStatus::Running { fraction: 0.0 };
-            effects.push(Effect::StartTwin { id: state.compose.twin.id, scenario });
+            effects.push(Effect::StartTwin {
+                id: state.compose.twin.id,
+                scenario,
+            });
         }
         Err(problems) => state.compose.twin.status = TwinStatus::Problems(problems),
     }
@@ -133,11 +147,24 @@ pub fn twin_event(state: &mut State, event: Event) {
     }
     match event {
         Event::TwinProgress { id, fraction } if id == twin.id => {
-            twin.status = TwinStatus::Running { fraction: fraction.clamp(0.0, 1.0) };
+            twin.status = TwinStatus::Running {
+                fraction: fraction.clamp(0.0, 1.0),
+            };
         }
-        Event::TwinDone { id, verdict, replay, digest, twin_version } if id == twin.id => {
+        Event::TwinDone {
+            id,
+            verdict,
+            replay,
+            digest,
+            twin_version,
+        } if id == twin.id => {
             twin.status = TwinStatus::Done;
-            twin.result = Some(TwinResult { verdict: *verdict, replay: *replay, digest, twin_version });
+            twin.result = Some(TwinResult {
+                verdict: *verdict,
+                replay: *replay,
+                digest,
+                twin_version,
+            });
         }
         Event::TwinProblems { id, problems } if id == twin.id => {
             twin.status = TwinStatus::Problems(problems);
@@ -171,7 +198,9 @@ fn submit(state: &mut State) -> Vec<Effect> {
         super::note(state, format!("Not submitted yet. {obstacle}"));
         return Vec::new();
     }
-    let Some(result) = &state.compose.twin.result else { return Vec::new() };
+    let Some(result) = &state.compose.twin.result else {
+        return Vec::new();
+    };
     let label = state.compose.label.trim();
     let request = SubmitRequest {
         experiment: state.compose.experiment.clone(),
@@ -185,8 +214,15 @@ fn submit(state: &mut State) -> Vec<Effect> {
     let body = serde_json::to_string(&request).expect("a request has string keys");
     let idempotency_key = Some(idempotency_key(state.compose.session, state.compose.document_number));
     state.compose.submission = Submission::Sending;
-    state.service.pending_since_s.insert(Request::Submit, state.clock.time_s);
-    vec![Effect::Send { request: Request::Submit, body: Some(body), idempotency_key }]
+    state
+        .service
+        .pending_since_s
+        .insert(Request::Submit, state.clock.time_s);
+    vec![Effect::Send {
+        request: Request::Submit,
+        body: Some(body),
+        idempotency_key,
+    }]
 }
 
 /// The same for every attempt at one document, another for the next document.
@@ -201,7 +237,10 @@ pub fn submitted(state: &mut State, answer: Answer) -> Vec<Effect> {
             // Pressing the button again means another run, not a repetition of this request.
             state.compose.document_number = state.compose.document_number.wrapping_add(1);
             state.service.asked_at_s.remove(&Request::Runs);
-            super::note(state, format!("Submitted: \u{201c}{}\u{201d} is on its way.", view.label));
+            super::note(
+                state,
+                format!("Submitted: \u{201c}{}\u{201d} is on its way.", view.label),
+            );
             super::show_page(state, Page::Queue)
         }
         Err(refusal) => {

@@ -6,9 +6,9 @@ mod playback;
 mod polling;
 mod refusal;
 mod run;
-pub use run::{REPLAY_FILE, TRACK_FILE};
-pub use playback::duration_s;
 pub use compose::{DURATION_S, document_json, field_problems, submit_obstacle};
+pub use playback::duration_s;
+pub use run::{REPLAY_FILE, TRACK_FILE};
 
 use crate::command::{Answer, Command, Effect, Event, Request};
 use crate::state::{Clock, Page, State, Toast};
@@ -119,7 +119,10 @@ fn take_answer(state: &mut State, request: Request, answer: Answer) -> Vec<Effec
     state.service.pending_since_s.remove(&request);
     let reachable = answer.as_ref().is_ok_and(|a| !matches!(a.status, 502..=504));
     if state.service.reachable == Some(true) && !reachable {
-        error(state, "The server does not answer. What you compose here stays; it is tried again every second.".to_owned());
+        error(
+            state,
+            "The server does not answer. What you compose here stays; it is tried again every second.".to_owned(),
+        );
     }
     state.service.reachable = Some(reachable);
     match request {
@@ -134,9 +137,16 @@ fn take_answer(state: &mut State, request: Request, answer: Answer) -> Vec<Effec
 
 /// A call without body.
 fn send(state: &mut State, request: Request) -> Vec<Effect> {
-    state.service.pending_since_s.insert(request.clone(), state.clock.time_s);
+    state
+        .service
+        .pending_since_s
+        .insert(request.clone(), state.clock.time_s);
     state.service.asked_at_s.insert(request.clone(), state.clock.time_s);
-    vec![Effect::Send { request, body: None, idempotency_key: None }]
+    vec![Effect::Send {
+        request,
+        body: None,
+        idempotency_key: None,
+    }]
 }
 
 fn note(state: &mut State, text: String) {
@@ -154,7 +164,12 @@ fn push_toast(state: &mut State, text: String, error: bool) {
     if state.toasts.len() >= TOASTS_MAX {
         state.toasts.pop_front();
     }
-    state.toasts.push_back(Toast { id: state.next_toast, error, text, until_s });
+    state.toasts.push_back(Toast {
+        id: state.next_toast,
+        error,
+        text,
+        until_s,
+    });
     state.next_toast += 1;
 }
 

@@ -30,7 +30,9 @@ fn current(state: &mut State) -> Option<(&mut Playback, f64)> {
 }
 
 pub fn command(state: &mut State, command: &Command) {
-    let Some((playback, duration_s)) = current(state) else { return };
+    let Some((playback, duration_s)) = current(state) else {
+        return;
+    };
     match command {
         Command::PlayPause => {
             if !playback.playing && playback.time_s >= duration_s {
@@ -47,7 +49,9 @@ pub fn command(state: &mut State, command: &Command) {
 }
 
 pub fn advance(state: &mut State, elapsed_s: f64) {
-    let Some((playback, duration_s)) = current(state) else { return };
+    let Some((playback, duration_s)) = current(state) else {
+        return;
+    };
     if playback.playing {
         playback.time_s += elapsed_s * playback.speed;
         if playback.time_s >= duration_s {

@@ -17,8 +17,16 @@ const GIVE_UP_S: f64 = 10.0;
 
 /// The calls that are due now.
 pub fn due(state: &mut State) -> Vec<Effect> {
-    let lab_every_s = if state.page == Page::Robots { LAB_EVERY_WHEN_SHOWN_S } else { LAB_EVERY_S };
-    let mut wanted = vec![(Request::Runs, RUNS_EVERY_S), (Request::Robots, lab_every_s), (Request::Arenas, lab_every_s)];
+    let lab_every_s = if state.page == Page::Robots {
+        LAB_EVERY_WHEN_SHOWN_S
+    } else {
+        LAB_EVERY_S
+    };
+    let mut wanted = vec![
+        (Request::Runs, RUNS_EVERY_S),
+        (Request::Robots, lab_every_s),
+        (Request::Arenas, lab_every_s),
+    ];
     wanted.extend(run::wanted(state));
     let mut effects = Vec::new();
     for (request, every_s) in wanted {
@@ -31,8 +39,16 @@ pub fn due(state: &mut State) -> Vec<Effect> {
 
 fn is_due(state: &State, request: &Request, every_s: f64) -> bool {
     let now_s = state.clock.time_s;
-    let waiting = state.service.pending_since_s.get(request).is_some_and(|since_s| now_s - since_s < GIVE_UP_S);
-    let asked_lately = state.service.asked_at_s.get(request).is_some_and(|at_s| now_s - at_s < every_s);
+    let waiting = state
+        .service
+        .pending_since_s
+        .get(request)
+        .is_some_and(|since_s| now_s - since_s < GIVE_UP_S);
+    let asked_lately = state
+        .service
+        .asked_at_s
+        .get(request)
+        .is_some_and(|at_s| now_s - at_s < every_s);
     !waiting && !asked_lately
 }
 

@@ -16,13 +16,20 @@ pub fn decode<T: DeserializeOwned>(answer: Answer) -> Result<T, Refusal> {
 }
 
 fn sentence(sentence: String) -> Refusal {
-    Refusal { sentence, problems: Vec::new() }
+    Refusal {
+        sentence,
+        problems: Vec::new(),
+    }
 }
 
 fn refusal(status: u16, body: &str) -> Refusal {
     match serde_json::from_str::<Problem>(body) {
         Ok(problem) => Refusal {
-            sentence: if problem.detail.is_empty() { with_stop(&problem.title) } else { with_stop(&problem.detail) },
+            sentence: if problem.detail.is_empty() {
+                with_stop(&problem.title)
+            } else {
+                with_stop(&problem.detail)
+            },
             problems: problem.errors,
         },
         Err(_) => sentence(match status {

@@ -21,7 +21,12 @@ pub fn open(state: &mut State, id: Uuid) {
     for request in [Request::Run(id), Request::Replay(id), Request::Track(id)] {
         state.service.asked_at_s.remove(&request);
     }
-    state.run = Run { selected: Some(id), view, playback: Playback::default(), ..Run::default() };
+    state.run = Run {
+        selected: Some(id),
+        view,
+        playback: Playback::default(),
+        ..Run::default()
+    };
 }
 
 /// The Run page never stands empty while there are runs: the newest is shown.
@@ -35,7 +40,9 @@ pub fn choose_default(state: &mut State) {
 
 /// Calls for the run that is shown.
 pub fn wanted(state: &State) -> Vec<(Request, f64)> {
-    let Some(id) = state.run.selected.filter(|_| state.page == Page::Run) else { return Vec::new() };
+    let Some(id) = state.run.selected.filter(|_| state.page == Page::Run) else {
+        return Vec::new();
+    };
     let mut wanted = Vec::new();
     let ended = state.run.view.as_ref().is_some_and(|v| v.state.is_terminal());
     if state.run.missing.is_none() && !(ended && recordings_settled(&state.run)) {
@@ -53,7 +60,8 @@ pub fn wanted(state: &State) -> Vec<(Request, f64)> {
 }
 
 fn recordings_settled(run: &Run) -> bool {
-    !matches!(run.twin, Recording::Unknown | Recording::Loading) && !matches!(run.physical, Recording::Unknown | Recording::Loading)
+    !matches!(run.twin, Recording::Unknown | Recording::Loading)
+        && !matches!(run.physical, Recording::Unknown | Recording::Loading)
 }
 
 fn has_file(view: &RunView, name: &str) -> bool {
@@ -66,8 +74,18 @@ pub fn view_answered(state: &mut State, id: Uuid, answer: Answer) {
     }
     match decode::<RunView>(answer) {
         Ok(view) => {
-            settle(&mut state.run.twin, &view, REPLAY_FILE, "The twin's replay was not kept with this run.");
-            settle(&mut state.run.physical, &view, TRACK_FILE, "No measured track was uploaded for this run.");
+            settle(
+                &mut state.run.twin,
+                &view,
+                REPLAY_FILE,
+                "The twin's replay was not kept with this run.",
+            );
+            settle(
+                &mut state.run.physical,
+                &view,
+                TRACK_FILE,
+                "No measured track was uploaded for this run.",
+            );
             state.run.missing = None;
             state.run.view = Some(view);
         }
@@ -117,7 +135,10 @@ pub fn cancel_answered(state: &mut State, id: Uuid, answer: Answer) -> Vec<Effec
         }
         a
     })) {
-        Ok(_) => super::note(state, "Cancelling was asked for; the run ends as soon as the laboratory confirms.".to_owned()),
+        Ok(_) => super::note(
+            state,
+            "Cancelling was asked for; the run ends as soon as the laboratory confirms.".to_owned(),
+        ),
         Err(refusal) => super::error(state, format!("The run was not cancelled. {}", refusal.sentence)),
     }
     state.service.asked_at_s.remove(&Request::Runs);

@@ -13,7 +13,9 @@ pub fn scene(state: &State) -> Scene {
     let compose = &state.compose;
     let experiment = &compose.experiment;
     let mut scene = Scene::of_arena(state.lab.arena_or_reference(&experiment.arena));
-    scene.paths = (0..experiment.robots.len()).filter_map(|index| path(experiment, index)).collect();
+    scene.paths = (0..experiment.robots.len())
+        .filter_map(|index| path(experiment, index))
+        .collect();
     let current = matches!(compose.twin.status, TwinStatus::Done);
     let result = compose.twin.result.as_ref();
     for (index, named) in experiment.robots.iter().enumerate() {
@@ -22,16 +24,37 @@ pub fn scene(state: &State) -> Scene {
         let driven = result.and_then(|r| robot(&r.replay, &named.name));
         if let Some(driven) = driven {
             let points = driven.poses.iter().map(|p| [p[0], p[1]]).collect();
-            scene.trails.push(Trail { points, ink: Ink::Robot(index), dashed: false, faint: !current });
+            scene.trails.push(Trail {
+                points,
+                ink: Ink::Robot(index),
+                dashed: false,
+                faint: !current,
+            });
         }
         let period_s = result.map_or(0.0, |r| r.replay.period_s);
         let moving = driven.filter(|_| current && compose.playback.time_s > 0.0);
         let now = moving.and_then(|d| pose_at(d, period_s, compose.playback.time_s));
         if now.is_some() {
-            scene.robots.push(SceneRobot { name: named.name.clone(), pose: start, shape: shape.clone(), ink: Ink::Robot(index), ghost: true, show_name: false, mark: None });
+            scene.robots.push(SceneRobot {
+                name: named.name.clone(),
+                pose: start,
+                shape: shape.clone(),
+                ink: Ink::Robot(index),
+                ghost: true,
+                show_name: false,
+                mark: None,
+            });
         }
         let pose = now.unwrap_or(start);
-        scene.robots.push(SceneRobot { name: named.name.clone(), pose, shape, ink: Ink::Robot(index), ghost: false, show_name: true, mark: None });
+        scene.robots.push(SceneRobot {
+            name: named.name.clone(),
+            pose,
+            shape,
+            ink: Ink::Robot(index),
+            ghost: false,
+            show_name: true,
+            mark: None,
+        });
     }
     scene.add_targets(experiment);
     scene
@@ -65,22 +88,47 @@ pub struct ProblemLine {
 
 impl Strip {
     fn new(tone: Tone, word: &'static str, sentence: impl Into<String>) -> Self {
-        Self { tone, word, sentence: sentence.into(), details: String::new(), progress: None, findings: Vec::new(), problems: Vec::new() }
+        Self {
+            tone,
+            word,
+            sentence: sentence.into(),
+            details: String::new(),
+            progress: None,
+            findings: Vec::new(),
+            problems: Vec::new(),
+        }
     }
 }
 
 pub fn strip(state: &State) -> Strip {
     let twin = &state.compose.twin;
     let strip = match (&twin.status, &twin.result) {
-        (TwinStatus::Idle | TwinStatus::Waiting { .. }, _) => Strip { progress: Some(0.0), ..Strip::new(Tone::Active, "Twin", "Waiting for your next change \u{2026}") },
+        (TwinStatus::Idle | TwinStatus::Waiting { .. }, _) => Strip {
+            progress: Some(0.0),
+            ..Strip::new(Tone::Active, "Twin", "Waiting for your next change \u{2026}")
+        },
         (TwinStatus::Running { fraction }, _) => {
             let percent = (fraction * 100.0).round();
-            Strip { progress: Some(*fraction), ..Strip::new(Tone::Active, "Twin", format!("The twin drives the experiment \u{2026} {percent:.0} %")) }
+            Strip {
+                progress: Some(*fraction),
+                ..Strip::new(
+                    Tone::Active,
+                    "Twin",
+                    format!("The twin drives the experiment \u{2026} {percent:.0} %"),
+                )
+            }
         }
         (TwinStatus::Problems(problems), _) => {
             let count = problems.len();
-            let sentence = if count == 1 { "One field needs attention.".to_owned() } else { format!("{count} fields need attention.") };
-            Strip { problems: problem_lines(problems), ..Strip::new(Tone::Error, "Not valid", sentence) }
+            let sentence = if count == 1 {
+                "One field needs attention.".to_owned()
+            } else {
+                format!("{count} fields need attention.")
+            };
+            Strip {
+                problems: problem_lines(problems),
+                ..Strip::new(Tone::Error, "Not valid", sentence)
+            }
         }
         (TwinStatus::Failed(message), _) => Strip {
             details: "Change something to try again, or reload the page.".to_owned(),
@@ -103,21 +151,44 @@ fn verdict(result: &TwinResult) -> Strip {
     Strip {
         details: words::verdict_figures(verdict),
         findings: verdict.findings.iter().map(finding_line).collect(),
-        ..Strip::new(tone, word, words::full_stop(&verdict.sentence))
+        ..Strip::new(tone, word, words::full_stop(without_verdict(&verdict.sentence)))
     }
 }
 
+/// The sentence beside a box that says accepted or rejected already.
+fn without_verdict(sentence: &str) -> &str {
+    ["Accepted: ", "Rejected: "]
+        .into_iter()
+        .find_map(|word| sentence.strip_prefix(word))
+        .unwrap_or(sentence)
+}
+
 fn finding_line(finding: &Finding) -> FindingLine {
-    FindingLine { at_s: finding.at_s, tone: words::finding_tone(finding), text: words::finding(finding) }
+    FindingLine {
+        at_s: finding.at_s,
+        tone: words::finding_tone(finding),
+        text: words::finding(finding),
+    }
 }
 
 fn problem_lines(problems: &[FieldProblem]) -> Vec<ProblemLine> {
     problems
         .iter()
         .map(|p| {
-            let remedy = if p.remedy.is_empty() { String::new() } else { format!(" Remedy: {}", words::full_stop(&p.remedy)) };
-            let limit = if p.limit.is_empty() { String::new() } else { format!(" Allowed: {}", words::full_stop(&p.limit)) };
-            ProblemLine { field: words::field(&p.field), text: format!("{}{limit}{remedy}", words::full_stop(&p.message)) }
+            let remedy = if p.remedy.is_empty() {
+                String::new()
+            } else {
+                format!(" Remedy: {}", words::ended(&p.remedy))
+            };
+            let limit = if p.limit.is_empty() {
+                String::new()
+            } else {
+                format!(" Allowed: {}", words::ended(&p.limit))
+            };
+            ProblemLine {
+                field: words::field(&p.field),
+                text: format!("{}{limit}{remedy}", words::full_stop(&p.message)),
+            }
         })
         .collect()
 }
@@ -138,6 +209,15 @@ fn with_refusal(strip: Strip, submission: &Submission) -> Strip {
 
 /// The twin's identity, for comparing with the server's.
 pub fn twin_identity(state: &State) -> Option<String> {
-    let result = state.compose.twin.result.as_ref().filter(|_| state.compose.twin.status == TwinStatus::Done)?;
-    Some(format!("Trace digest {} by {}. The server computes it again and compares it bit for bit.", theme::short(&result.digest), result.twin_version))
+    let result = state
+        .compose
+        .twin
+        .result
+        .as_ref()
+        .filter(|_| state.compose.twin.status == TwinStatus::Done)?;
+    Some(format!(
+        "Trace digest {} by {}. The server computes it again and compares it bit for bit.",
+        theme::short(&result.digest),
+        result.twin_version
+    ))
 }

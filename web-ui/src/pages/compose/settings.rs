@@ -10,6 +10,8 @@ use crate::update;
 use egui::{Align, Button, CollapsingHeader, DragValue, Grid, Layout, RichText, Slider, TextEdit, Ui, vec2};
 
 const NAME_WIDTH: f32 = 116.0;
+/// Width of a field with a figure and its unit.
+const FIGURE_WIDTH: f32 = 84.0;
 
 pub fn show(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) {
     ui.add_space(f32::from(theme::PAGE_MARGIN));
@@ -30,15 +32,35 @@ fn templates(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette)
     for template in Template::ALL {
         let selected = state.compose.template == template;
         let title = RichText::new(template.title());
-        let title = if selected { title.color(palette.accent).strong() } else { title };
+        let title = if selected {
+            title.color(palette.accent).strong()
+        } else {
+            title
+        };
         let fill = if selected { palette.accent_soft } else { palette.raised };
         let edge = if selected { palette.accent } else { palette.line };
-        let button = Button::new(title).fill(fill).stroke(egui::Stroke::new(1.0, edge)).right_text("").min_size(vec2(ui.available_width(), 36.0));
+        let button = Button::new(title)
+            .fill(fill)
+            .stroke(egui::Stroke::new(1.0, edge))
+            .right_text("")
+            .min_size(vec2(ui.available_width(), 36.0));
         let response = ui.add(button).on_hover_text(template.explanation());
-        output.on_click(format!("compose.template.{}", template.name()), &response, Command::ChooseTemplate(template));
+        output.on_click(
+            format!("compose.template.{}", template.name()),
+            &response,
+            Command::ChooseTemplate(template),
+        );
     }
-    let text = if state.compose.edited { "Changed by you. Choosing a template again starts over." } else { state.compose.template.explanation() };
-    ui.label(RichText::new(text).text_style(egui::TextStyle::Small).color(palette.faint_ink));
+    let text = if state.compose.edited {
+        "Changed by you. Choosing a template again starts over."
+    } else {
+        state.compose.template.explanation()
+    };
+    ui.label(
+        RichText::new(text)
+            .text_style(egui::TextStyle::Small)
+            .color(palette.faint_ink),
+    );
 }
 
 fn row(ui: &mut Ui, palette: &Palette, name: &str, hint: &str, content: impl FnOnce(&mut Ui)) {
@@ -60,28 +82,55 @@ fn experiment(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette
     parts::section(ui, "Experiment");
     row(ui, palette, "Label", "Shown in the queue", |ui| {
         let mut label = compose.label.clone();
-        let response = ui.add(TextEdit::singleline(&mut label).desired_width(f32::INFINITY).hint_text("What is it for?").margin(egui::Margin::symmetric(8, 6)));
+        let response = ui.add(
+            TextEdit::singleline(&mut label)
+                .desired_width(f32::INFINITY)
+                .hint_text("What is it for?")
+                .margin(egui::Margin::symmetric(8, 6)),
+        );
         output.mark("compose.label", &response);
         if response.changed() {
             output.send(Command::SetLabel(label));
         }
     });
-    row(ui, palette, "Duration", "Longest time on the floor; it ends earlier when every target is reached", |ui| {
-        let mut duration_s = compose.experiment.duration_s;
-        let response = ui.add(DragValue::new(&mut duration_s).range(update::DURATION_S).speed(0.5).suffix(" s").min_size(vec2(84.0, theme::CONTROL_HEIGHT)));
-        output.mark("compose.duration", &response);
-        if response.changed() {
-            output.send(Command::SetDuration { duration_s });
-        }
-    });
-    row(ui, palette, "Seed", "Number that random parts start from; the same number gives the same run of the twin", |ui| {
-        let mut seed = compose.experiment.seed;
-        let response = ui.add(DragValue::new(&mut seed).speed(0.2).min_size(vec2(84.0, theme::CONTROL_HEIGHT)));
-        output.mark("compose.seed", &response);
-        if response.changed() {
-            output.send(Command::SetSeed(seed));
-        }
-    });
+    row(
+        ui,
+        palette,
+        "Duration",
+        "Longest time on the floor; it ends earlier when every target is reached",
+        |ui| {
+            let mut duration_s = compose.experiment.duration_s;
+            let response = ui.add(
+                DragValue::new(&mut duration_s)
+                    .range(update::DURATION_S)
+                    .speed(0.5)
+                    .suffix(" s")
+                    .min_size(vec2(84.0, theme::CONTROL_HEIGHT)),
+            );
+            output.mark("compose.duration", &response);
+            if response.changed() {
+                output.send(Command::SetDuration { duration_s });
+            }
+        },
+    );
+    row(
+        ui,
+        palette,
+        "Seed",
+        "Number that random parts start from; the same number gives the same run of the twin",
+        |ui| {
+            let mut seed = compose.experiment.seed;
+            let response = ui.add(
+                DragValue::new(&mut seed)
+                    .speed(0.2)
+                    .min_size(vec2(84.0, theme::CONTROL_HEIGHT)),
+            );
+            output.mark("compose.seed", &response);
+            if response.changed() {
+                output.send(Command::SetSeed(seed));
+            }
+        },
+    );
 }
 
 fn law(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) {
@@ -90,55 +139,125 @@ fn law(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) {
     ui.label(RichText::new(parameters::law_title(&experiment.control.law)).color(palette.faint_ink));
     for spec in parameters::specs(&experiment.control.law) {
         let mut value = parameters::value(experiment, spec);
-        let hint = format!("{} Range {} to {} {}, usually {}.", spec.meaning, spec.min, spec.max, spec.unit, spec.default);
+        let hint = format!(
+            "{} Range {} to {} {}, usually {}.",
+            spec.meaning, spec.min, spec.max, spec.unit, spec.default
+        );
         row(ui, palette, &parameters::title(spec), &hint, |ui| {
-            ui.spacing_mut().slider_width = 104.0;
-            let suffix = if spec.unit.is_empty() { String::new() } else { format!(" {}", spec.unit) };
-            let slider = Slider::new(&mut value, spec.min..=spec.max).suffix(suffix).max_decimals(3).logarithmic(spec.min > 0.0 && spec.max / spec.min > 50.0);
+            ui.spacing_mut().slider_width = ui.available_width() - FIGURE_WIDTH - theme::GAP;
+            let suffix = if spec.unit.is_empty() {
+                String::new()
+            } else {
+                format!(" {}", spec.unit)
+            };
+            let range = spec.min..=spec.max;
+            let slider = Slider::new(&mut value, range.clone())
+                .show_value(false)
+                .max_decimals(3)
+                .logarithmic(spec.min > 0.0 && spec.max / spec.min > 50.0);
             let response = ui.add(slider).on_hover_text(&hint);
             output.mark(format!("compose.parameter.{}", spec.key), &response);
-            if response.changed() {
+            let figure = DragValue::new(&mut value)
+                .range(range)
+                .speed(spec.max / 500.0)
+                .max_decimals(3)
+                .suffix(suffix);
+            let figure = ui.add(figure.min_size(vec2(FIGURE_WIDTH, 26.0)));
+            if response.changed() || figure.changed() {
                 output.send(Command::SetParameter { key: spec.key, value });
             }
         });
     }
     let changed = experiment.control.parameters.as_object().is_some_and(|p| !p.is_empty());
-    let response = ui.add_enabled(changed, Button::new("Usual values")).on_hover_text("Set every parameter of the law back");
+    let response = ui
+        .add_enabled(changed, Button::new("Usual values"))
+        .on_hover_text("Set every parameter of the law back");
     output.on_click("compose.parameters.reset", &response, Command::ResetParameters);
 }
 
 fn starts(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) {
     parts::section(ui, "Start poses");
-    ui.label(RichText::new("Drag robots, headings and targets on the floor, or enter figures here.").color(palette.faint_ink));
-    Grid::new("starts").num_columns(4).spacing(vec2(6.0, 6.0)).show(ui, |ui| {
-        for (robot, item) in state.compose.experiment.robots.iter().enumerate() {
-            let hint = format!("{}, {}, controller {}", item.name, words::chassis(&item.chassis), item.controller);
-            ui.label(RichText::new(&item.name).color(palette.robot(robot)).strong()).on_hover_text(hint);
-            let start = item.start;
-            let (mut x_m, mut y_m, mut yaw_deg) = (start.x_m, start.y_m, start.yaw_rad.to_degrees());
-            let size = vec2(66.0, 26.0);
-            let x = ui.add(DragValue::new(&mut x_m).speed(0.01).fixed_decimals(2).suffix(" m").min_size(size)).on_hover_text("x, to the right");
-            let y = ui.add(DragValue::new(&mut y_m).speed(0.01).fixed_decimals(2).suffix(" m").min_size(size)).on_hover_text("y, up");
-            let yaw = ui.add(DragValue::new(&mut yaw_deg).speed(1.0).fixed_decimals(0).suffix("\u{b0}").min_size(vec2(54.0, 26.0))).on_hover_text("Heading, counter-clockwise from the x axis");
-            if x.changed() || y.changed() {
-                output.send(Command::MoveStart { robot, x_m, y_m });
+    ui.label(
+        RichText::new("Drag robots, headings and targets on the floor, or enter figures here.")
+            .color(palette.faint_ink),
+    );
+    Grid::new("starts")
+        .num_columns(4)
+        .spacing(vec2(6.0, 6.0))
+        .show(ui, |ui| {
+            for (robot, item) in state.compose.experiment.robots.iter().enumerate() {
+                let hint = format!(
+                    "{}, {}, controller {}",
+                    item.name,
+                    words::chassis(&item.chassis),
+                    item.controller
+                );
+                ui.label(RichText::new(&item.name).color(palette.robot(robot)).strong())
+                    .on_hover_text(hint);
+                let start = item.start;
+                let (mut x_m, mut y_m, mut yaw_deg) = (start.x_m, start.y_m, start.yaw_rad.to_degrees());
+                let size = vec2(66.0, 26.0);
+                let x = ui
+                    .add(
+                        DragValue::new(&mut x_m)
+                            .speed(0.01)
+                            .fixed_decimals(2)
+                            .suffix(" m")
+                            .min_size(size),
+                    )
+                    .on_hover_text("x, to the right");
+                let y = ui
+                    .add(
+                        DragValue::new(&mut y_m)
+                            .speed(0.01)
+                            .fixed_decimals(2)
+                            .suffix(" m")
+                            .min_size(size),
+                    )
+                    .on_hover_text("y, up");
+                let yaw = ui
+                    .add(
+                        DragValue::new(&mut yaw_deg)
+                            .speed(1.0)
+                            .fixed_decimals(0)
+                            .suffix("\u{b0}")
+                            .min_size(vec2(54.0, 26.0)),
+                    )
+                    .on_hover_text("Heading, counter-clockwise from the x axis");
+                if x.changed() || y.changed() {
+                    output.send(Command::MoveStart { robot, x_m, y_m });
+                }
+                if yaw.changed() {
+                    output.send(Command::TurnStart {
+                        robot,
+                        yaw_rad: yaw_deg.to_radians(),
+                    });
+                }
+                ui.end_row();
             }
-            if yaw.changed() {
-                output.send(Command::TurnStart { robot, yaw_rad: yaw_deg.to_radians() });
-            }
-            ui.end_row();
-        }
-    });
+        });
 }
 
 fn document(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) {
-    let header = CollapsingHeader::new(RichText::new("Document (JSON)").text_style(theme::section_style()).strong());
+    let header = CollapsingHeader::new(
+        RichText::new("Document (JSON)")
+            .text_style(theme::section_style())
+            .strong(),
+    );
     let response = header.show(ui, |ui| {
-        ui.label(RichText::new("The same document works with the command line and the REST interface.").color(palette.faint_ink));
+        ui.label(
+            RichText::new("The same document works with the command line and the REST interface.")
+                .color(palette.faint_ink),
+        );
         let copy = ui.add(Button::new("Copy"));
         output.on_click("compose.json.copy", &copy, Command::CopyDocument);
         let text = update::document_json(state);
-        ui.add(TextEdit::multiline(&mut text.as_str()).code_editor().desired_width(f32::INFINITY).desired_rows(12));
+        ui.add(
+            TextEdit::multiline(&mut text.as_str())
+                .code_editor()
+                .desired_width(f32::INFINITY)
+                .desired_rows(12),
+        );
     });
     output.mark("compose.json", &response.header_response);
 }

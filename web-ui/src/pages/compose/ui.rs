@@ -8,28 +8,52 @@ use crate::pages::parts;
 use crate::state::{State, Submission};
 use crate::theme::{self, Palette};
 use crate::update;
-use egui::{Align, Button, CentralPanel, Frame, Label, Layout, Margin, Panel, ProgressBar, RichText, ScrollArea, Stroke, Ui, vec2};
+use egui::{
+    Align, Button, CentralPanel, Frame, Label, Layout, Margin, Panel, ProgressBar, RichText, ScrollArea, Stroke, Ui,
+    vec2,
+};
 
 const STRIP_HEIGHT: f32 = 128.0;
 const PLAYBACK_HEIGHT: f32 = 44.0;
 const SUBMIT_WIDTH: f32 = 190.0;
 
 pub fn show(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) {
-    let side = Frame::new().fill(palette.ground).inner_margin(Margin { left: theme::PAGE_MARGIN, right: 0, top: 0, bottom: 0 });
-    Panel::left("compose settings").exact_size(theme::SIDE_WIDTH).resizable(false).frame(side).show(ui, |ui| {
-        ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
-            ui.set_width(theme::SIDE_WIDTH - f32::from(theme::PAGE_MARGIN) - 18.0);
-            settings::show(ui, state, output, palette);
-        });
+    let side = Frame::new().fill(palette.ground).inner_margin(Margin {
+        left: theme::PAGE_MARGIN,
+        right: 0,
+        top: 0,
+        bottom: 0,
     });
-    let strip = Frame::new().fill(palette.raised).inner_margin(Margin::symmetric(theme::PAGE_MARGIN, 12));
-    Panel::bottom("compose verdict").exact_size(STRIP_HEIGHT).frame(strip).show(ui, |ui| verdict(ui, state, output, palette));
-    let center = Frame::new().fill(palette.ground).inner_margin(Margin::symmetric(theme::PAGE_MARGIN, 6));
+    Panel::left("compose settings")
+        .exact_size(theme::SIDE_WIDTH)
+        .resizable(false)
+        .frame(side)
+        .show(ui, |ui| {
+            ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+                ui.set_width(theme::SIDE_WIDTH - f32::from(theme::PAGE_MARGIN) - 18.0);
+                settings::show(ui, state, output, palette);
+            });
+        });
+    let strip = Frame::new()
+        .fill(palette.raised)
+        .inner_margin(Margin::symmetric(theme::PAGE_MARGIN, 12));
+    Panel::bottom("compose verdict")
+        .exact_size(STRIP_HEIGHT)
+        .frame(strip)
+        .show(ui, |ui| verdict(ui, state, output, palette));
+    let center = Frame::new()
+        .fill(palette.ground)
+        .inner_margin(Margin::symmetric(theme::PAGE_MARGIN, 6));
     CentralPanel::default().frame(center).show(ui, |ui| {
         let arena = arena_view::show(ui, &data::scene(state), ui.available_height() - PLAYBACK_HEIGHT);
         output.mark_rect("compose.arena", arena.floor, true);
         handles::show(ui, state, output, palette, &arena);
-        let duration_s = state.compose.twin.result.as_ref().map_or(0.0, |r| update::duration_s(&r.replay));
+        let duration_s = state
+            .compose
+            .twin
+            .result
+            .as_ref()
+            .map_or(0.0, |r| update::duration_s(&r.replay));
         parts::playback_bar(ui, output, &state.compose.playback, duration_s, "compose");
     });
 }
@@ -40,12 +64,19 @@ fn verdict(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) {
         let width = ui.available_width() - SUBMIT_WIDTH - theme::SECTION_GAP;
         ui.allocate_ui_with_layout(vec2(width, ui.available_height()), Layout::top_down(Align::Min), |ui| {
             ui.set_width(width);
-            ScrollArea::vertical().auto_shrink(false).id_salt("verdict").show(ui, |ui| words_of(ui, state, &strip, output, palette));
+            ScrollArea::vertical()
+                .auto_shrink(false)
+                .id_salt("verdict")
+                .show(ui, |ui| words_of(ui, state, &strip, output, palette));
         });
         ui.add_space(theme::SECTION_GAP - theme::GAP);
-        ui.allocate_ui_with_layout(vec2(SUBMIT_WIDTH, ui.available_height()), Layout::top_down(Align::Min), |ui| {
-            submit(ui, state, output, palette);
-        });
+        ui.allocate_ui_with_layout(
+            vec2(SUBMIT_WIDTH, ui.available_height()),
+            Layout::top_down(Align::Min),
+            |ui| {
+                submit(ui, state, output, palette);
+            },
+        );
     });
 }
 
@@ -55,7 +86,12 @@ fn words_of(ui: &mut Ui, state: &State, strip: &data::Strip, output: &mut Output
         ui.add(Label::new(RichText::new(&strip.sentence).text_style(theme::section_style())).wrap());
     });
     if let Some(fraction) = strip.progress {
-        ui.add(ProgressBar::new(fraction as f32).desired_height(6.0).fill(palette.accent).corner_radius(3));
+        ui.add(
+            ProgressBar::new(fraction as f32)
+                .desired_height(6.0)
+                .fill(palette.accent)
+                .corner_radius(3),
+        );
     }
     for (index, problem) in strip.problems.iter().enumerate() {
         let text = format!("{}: {}", problem.field, problem.text);
@@ -64,9 +100,16 @@ fn words_of(ui: &mut Ui, state: &State, strip: &data::Strip, output: &mut Output
     }
     for (index, finding) in strip.findings.iter().enumerate() {
         let text = format!("{}   {}", theme::moment(finding.at_s), finding.text);
-        let button = Button::new(RichText::new(text).color(palette.tone(finding.tone))).wrap().fill(palette.ground).stroke(Stroke::new(1.0, palette.line));
+        let button = Button::new(RichText::new(text).color(palette.tone(finding.tone)))
+            .wrap()
+            .fill(palette.ground)
+            .stroke(Stroke::new(1.0, palette.line));
         let response = ui.add(button).on_hover_text("Show this moment");
-        output.on_click(format!("compose.finding.{index}"), &response, Command::Seek { time_s: finding.at_s });
+        output.on_click(
+            format!("compose.finding.{index}"),
+            &response,
+            Command::Seek { time_s: finding.at_s },
+        );
     }
     if !strip.details.is_empty() {
         let response = ui.add(Label::new(RichText::new(&strip.details).color(palette.faint_ink)).wrap());
@@ -78,10 +121,21 @@ fn words_of(ui: &mut Ui, state: &State, strip: &data::Strip, output: &mut Output
 
 fn submit(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) {
     let obstacle = update::submit_obstacle(state);
-    let text = if state.compose.submission == Submission::Sending { "Sending \u{2026}" } else { "Submit" };
+    let text = if state.compose.submission == Submission::Sending {
+        "Sending \u{2026}"
+    } else {
+        "Submit"
+    };
     let response = parts::primary_button(ui, palette, obstacle.is_none(), text, vec2(SUBMIT_WIDTH, 40.0));
     output.on_click("compose.submit", &response, Command::Submit);
     response.on_hover_text("Queue it for the robots (Ctrl+Enter)");
     let below = obstacle.map_or_else(|| "Ctrl+Enter".to_owned(), str::to_owned);
-    ui.add(Label::new(RichText::new(below).text_style(egui::TextStyle::Small).color(palette.faint_ink)).wrap());
+    ui.add(
+        Label::new(
+            RichText::new(below)
+                .text_style(egui::TextStyle::Small)
+                .color(palette.faint_ink),
+        )
+        .wrap(),
+    );
 }

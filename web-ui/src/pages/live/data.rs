@@ -26,9 +26,13 @@ pub fn run(state: &State) -> Option<&RunView> {
 pub fn scene(state: &State, run: &RunView) -> Scene {
     let experiment = &run.experiment;
     let mut scene = Scene::of_arena(state.lab.arena_or_reference(&experiment.arena));
-    scene.paths = (0..experiment.robots.len()).filter_map(|index| path(experiment, index)).collect();
+    scene.paths = (0..experiment.robots.len())
+        .filter_map(|index| path(experiment, index))
+        .collect();
     scene.add_targets(experiment);
-    let Some(last) = state.live.frames.back() else { return scene };
+    let Some(last) = state.live.frames.back() else {
+        return scene;
+    };
     for live in &last.robots {
         let index = experiment.robots.iter().position(|r| r.name == live.name).unwrap_or(0);
         let points = state
@@ -38,7 +42,12 @@ pub fn scene(state: &State, run: &RunView) -> Scene {
             .filter(|f| f.tick >= 0 && last.time_s - f.time_s <= TRAIL_S)
             .filter_map(|f| f.robots.iter().find(|r| r.name == live.name).map(|r| [r.x_m, r.y_m]))
             .collect();
-        scene.trails.push(Trail { points, ink: Ink::Robot(index), dashed: false, faint: false });
+        scene.trails.push(Trail {
+            points,
+            ink: Ink::Robot(index),
+            dashed: false,
+            faint: false,
+        });
         scene.robots.push(SceneRobot {
             name: live.name.clone(),
             pose: [live.x_m, live.y_m, live.yaw_rad],
@@ -61,12 +70,19 @@ pub struct RobotCard {
 }
 
 pub fn robots(state: &State, run: &RunView) -> Vec<RobotCard> {
-    let Some(last) = state.live.frames.back() else { return Vec::new() };
+    let Some(last) = state.live.frames.back() else {
+        return Vec::new();
+    };
     last.robots
         .iter()
         .map(|robot| RobotCard {
             name: robot.name.clone(),
-            index: run.experiment.robots.iter().position(|r| r.name == robot.name).unwrap_or(0),
+            index: run
+                .experiment
+                .robots
+                .iter()
+                .position(|r| r.name == robot.name)
+                .unwrap_or(0),
             lines: lines(robot),
         })
         .collect()
@@ -75,8 +91,17 @@ pub fn robots(state: &State, run: &RunView) -> Vec<RobotCard> {
 fn lines(robot: &LiveRobot) -> Vec<(&'static str, String, Tone)> {
     let (link, link_tone) = age(robot.link_age_ms);
     let (pose, pose_tone) = age(robot.pose_age_ms);
-    let battery_tone = if robot.bus_v < BATTERY_LOW_V { Tone::Warning } else { Tone::Neutral };
-    let (safety, safety_tone) = robot.safety.as_deref().map_or(("leaves it alone", Tone::Neutral), |code| (words::safety(code), Tone::Warning));
+    let battery_tone = if robot.bus_v < BATTERY_LOW_V {
+        Tone::Warning
+    } else {
+        Tone::Neutral
+    };
+    let (safety, safety_tone) = robot
+        .safety
+        .as_deref()
+        .map_or(("leaves it alone", Tone::Neutral), |code| {
+            (words::safety(code), Tone::Warning)
+        });
     vec![
         ("Link", link, link_tone),
         ("Pose", pose, pose_tone),
@@ -96,8 +121,14 @@ fn age(value_ms: f64) -> (String, Tone) {
 
 /// Facts about the run as a whole.
 pub fn facts(state: &State) -> Vec<(String, String)> {
-    let Some(last) = state.live.frames.back() else { return Vec::new() };
-    let time = if last.tick < 0 { "before the start".to_owned() } else { theme::seconds(last.time_s) };
+    let Some(last) = state.live.frames.back() else {
+        return Vec::new();
+    };
+    let time = if last.tick < 0 {
+        "before the start".to_owned()
+    } else {
+        theme::seconds(last.time_s)
+    };
     vec![
         ("Time".to_owned(), time),
         ("Tick".to_owned(), last.tick.max(0).to_string()),

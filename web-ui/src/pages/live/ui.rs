@@ -13,11 +13,20 @@ const SIDE_WIDTH: f32 = 268.0;
 
 pub fn show(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) {
     let Some(run) = data::run(state) else {
-        let waiting = state.queue.runs.iter().flatten().filter(|r| !r.state.is_terminal()).count();
+        let waiting = state
+            .queue
+            .runs
+            .iter()
+            .flatten()
+            .filter(|r| !r.state.is_terminal())
+            .count();
         let text = match waiting {
-            0 => "No robot is moving and nothing waits in the queue. This page connects by itself when a run starts.".to_owned(),
+            0 => "No robot is moving and nothing waits in the queue. This page connects by itself when a run starts."
+                .to_owned(),
             1 => "No robot is moving. One run is on its way; this page connects by itself when it starts.".to_owned(),
-            n => format!("No robot is moving. {n} runs are on their way; this page connects by itself when one starts."),
+            n => {
+                format!("No robot is moving. {n} runs are on their way; this page connects by itself when one starts.")
+            }
         };
         if let Some(response) = parts::empty(ui, palette, "Nothing runs now", &text, Some("Compose an experiment")) {
             output.on_click("live.compose", &response, Command::ShowPage(Page::Compose));
@@ -44,7 +53,9 @@ pub fn show(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) 
         });
         ui.add_space(theme::SECTION_GAP - theme::GAP);
         ui.allocate_ui_with_layout(vec2(SIDE_WIDTH, height), Layout::top_down(Align::Min), |ui| {
-            ScrollArea::vertical().auto_shrink(false).show(ui, |ui| side(ui, state, run, palette));
+            ScrollArea::vertical()
+                .auto_shrink(false)
+                .show(ui, |ui| side(ui, state, run, palette));
         });
     });
 }
@@ -56,14 +67,22 @@ fn side(ui: &mut Ui, state: &State, run: &api::run::RunView, palette: &Palette) 
     for robot in data::robots(state, run) {
         parts::card(ui, palette, |ui| {
             ui.label(RichText::new(&robot.name).color(palette.robot(robot.index)).strong());
-            egui::Grid::new(("live robot", &robot.name)).num_columns(2).min_col_width(92.0).spacing(vec2(10.0, 3.0)).show(ui, |ui| {
-                for (name, value, tone) in &robot.lines {
-                    ui.label(RichText::new(*name).color(palette.faint_ink));
-                    let ink = if *tone == theme::Tone::Neutral { palette.ink } else { palette.tone(*tone) };
-                    ui.label(RichText::new(value).color(ink));
-                    ui.end_row();
-                }
-            });
+            egui::Grid::new(("live robot", &robot.name))
+                .num_columns(2)
+                .min_col_width(92.0)
+                .spacing(vec2(10.0, 3.0))
+                .show(ui, |ui| {
+                    for (name, value, tone) in &robot.lines {
+                        ui.label(RichText::new(*name).color(palette.faint_ink));
+                        let ink = if *tone == theme::Tone::Neutral {
+                            palette.ink
+                        } else {
+                            palette.tone(*tone)
+                        };
+                        ui.label(RichText::new(value).color(ink));
+                        ui.end_row();
+                    }
+                });
         });
     }
 }

@@ -27,8 +27,22 @@ pub struct Row {
 /// Active and waiting runs in the order they will run, then the ended ones, newest first.
 pub fn rows(state: &State) -> Option<Vec<Row>> {
     let mut runs: Vec<&RunView> = state.queue.runs.as_deref()?.iter().collect();
-    runs.sort_by_key(|r| (rank(r), if r.state.is_terminal() { -r.created_at.timestamp_millis() } else { r.created_at.timestamp_millis() }));
-    Some(runs.into_iter().take(ROWS_MAX).map(|r| row(r, state.clock.utc)).collect())
+    runs.sort_by_key(|r| {
+        (
+            rank(r),
+            if r.state.is_terminal() {
+                -r.created_at.timestamp_millis()
+            } else {
+                r.created_at.timestamp_millis()
+            },
+        )
+    });
+    Some(
+        runs.into_iter()
+            .take(ROWS_MAX)
+            .map(|r| row(r, state.clock.utc))
+            .collect(),
+    )
 }
 
 fn rank(run: &RunView) -> (u8, i64) {
@@ -46,7 +60,11 @@ fn row(run: &RunView, now: DateTime<Utc>) -> Row {
     let (state, tone) = words::run_state(run.state);
     Row {
         id: run.id,
-        label: if run.label.is_empty() { "(no label)".to_owned() } else { run.label.clone() },
+        label: if run.label.is_empty() {
+            "(no label)".to_owned()
+        } else {
+            run.label.clone()
+        },
         state,
         tone,
         position: match (run.state, run.queue_position) {
@@ -64,7 +82,10 @@ fn row(run: &RunView, now: DateTime<Utc>) -> Row {
 
 /// Cancelling makes sense until everything is measured.
 pub const fn can_cancel(state: RunState) -> bool {
-    matches!(state, RunState::Validating | RunState::Queued | RunState::Preparing | RunState::Running)
+    matches!(
+        state,
+        RunState::Validating | RunState::Queued | RunState::Preparing | RunState::Running
+    )
 }
 
 fn start(run: &RunView, now: DateTime<Utc>) -> String {
@@ -72,7 +93,11 @@ fn start(run: &RunView, now: DateTime<Utc>) -> String {
         (Some(at), _) => theme::relative(at, now),
         (None, Some(at)) if !run.state.is_terminal() => {
             // An expected start that has passed is only late, not past.
-            if at <= now { "any moment".to_owned() } else { theme::relative(at, now) }
+            if at <= now {
+                "any moment".to_owned()
+            } else {
+                theme::relative(at, now)
+            }
         }
         _ => "\u{2013}".to_owned(),
     }

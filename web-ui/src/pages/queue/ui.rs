@@ -6,18 +6,33 @@ use crate::output::Output;
 use crate::pages::parts;
 use crate::state::{Page, State};
 use crate::theme::{self, Palette};
-use egui::{Align, Button, Frame, Id, Label, Layout, Margin, Modal, Rect, RichText, ScrollArea, Sense, Stroke, Ui, vec2};
+use egui::{
+    Align, Button, Frame, Id, Label, Layout, Margin, Modal, Rect, RichText, ScrollArea, Sense, Stroke, Ui, vec2,
+};
 use uuid::Uuid;
 
 const ROW_HEIGHT: f32 = 52.0;
 
 /// Name, share of the width.
-const COLUMNS: [(&str, f32); 7] =
-    [("Run", 0.24), ("State", 0.11), ("Place", 0.07), ("Start", 0.10), ("Why", 0.28), ("Who", 0.11), ("", 0.09)];
+const COLUMNS: [(&str, f32); 7] = [
+    ("Run", 0.24),
+    ("State", 0.11),
+    ("Place", 0.07),
+    ("Start", 0.10),
+    ("Why", 0.28),
+    ("Who", 0.11),
+    ("", 0.09),
+];
 
 pub fn show(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) {
     let Some(rows) = data::rows(state) else {
-        parts::empty(ui, palette, "Loading the runs \u{2026}", "The server has not answered yet.", None);
+        parts::empty(
+            ui,
+            palette,
+            "Loading the runs \u{2026}",
+            "The server has not answered yet.",
+            None,
+        );
         return;
     };
     if rows.is_empty() {
@@ -54,13 +69,17 @@ fn cells(rect: Rect) -> [Rect; COLUMNS.len()] {
 fn header(ui: &mut Ui, palette: &Palette) {
     let (rect, _) = ui.allocate_exact_size(vec2(ui.available_width(), 26.0), Sense::hover());
     for (cell, (title, _)) in cells(rect).into_iter().zip(COLUMNS) {
-        let text = RichText::new(title).color(palette.faint_ink).text_style(egui::TextStyle::Small);
+        let text = RichText::new(title)
+            .color(palette.faint_ink)
+            .text_style(egui::TextStyle::Small);
         in_cell(ui, cell, |ui| ui.add(Label::new(text).selectable(false)));
     }
 }
 
 fn in_cell<R>(ui: &mut Ui, cell: Rect, content: impl FnOnce(&mut Ui) -> R) -> R {
-    let builder = egui::UiBuilder::new().max_rect(cell).layout(Layout::left_to_right(Align::Center));
+    let builder = egui::UiBuilder::new()
+        .max_rect(cell)
+        .layout(Layout::left_to_right(Align::Center));
     ui.scope_builder(builder, |ui| {
         ui.shrink_clip_rect(cell.expand(2.0));
         content(ui)
@@ -72,8 +91,13 @@ fn show_row(ui: &mut Ui, row: &Row, output: &mut Output, palette: &Palette) {
     let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), ROW_HEIGHT), Sense::click());
     let response = response.on_hover_cursor(egui::CursorIcon::PointingHand);
     let lit = response.hovered() || response.has_focus();
-    let edge = if lit { Stroke::new(1.5, palette.accent) } else { Stroke::new(1.0, palette.line) };
-    ui.painter().rect(rect, theme::CORNER, palette.raised, edge, egui::StrokeKind::Inside);
+    let edge = if lit {
+        Stroke::new(1.5, palette.accent)
+    } else {
+        Stroke::new(1.0, palette.line)
+    };
+    ui.painter()
+        .rect(rect, theme::CORNER, palette.raised, edge, egui::StrokeKind::Inside);
     output.on_click(format!("queue.row.{}", row.id), &response, Command::OpenRun(row.id));
     let [label, state, position, start, reason, who, action] = cells(rect);
     let plain = |text: &str| Label::new(RichText::new(text)).selectable(false).truncate();
@@ -81,8 +105,14 @@ fn show_row(ui: &mut Ui, row: &Row, output: &mut Output, palette: &Palette) {
         ui.with_layout(Layout::top_down(Align::Min), |ui| {
             ui.spacing_mut().item_spacing.y = 1.0;
             ui.add_space(7.0);
-            ui.add(Label::new(RichText::new(&row.label).strong()).selectable(false).truncate());
-            let when = RichText::new(format!("submitted {}", row.submitted)).text_style(egui::TextStyle::Small).color(palette.faint_ink);
+            ui.add(
+                Label::new(RichText::new(&row.label).strong())
+                    .selectable(false)
+                    .truncate(),
+            );
+            let when = RichText::new(format!("submitted {}", row.submitted))
+                .text_style(egui::TextStyle::Small)
+                .color(palette.faint_ink);
             ui.add(Label::new(when).selectable(false).truncate());
         });
     });
@@ -104,7 +134,9 @@ fn show_row(ui: &mut Ui, row: &Row, output: &mut Output, palette: &Palette) {
 /// Asks before a run is taken back.
 pub fn confirm(ui: &Ui, state: &State, run: Uuid, output: &mut Output, palette: &Palette) {
     let label = state.queue.find(run).map(|r| r.label.clone()).unwrap_or_default();
-    let frame = Frame::popup(ui.style()).fill(palette.raised).inner_margin(Margin::same(20));
+    let frame = Frame::popup(ui.style())
+        .fill(palette.raised)
+        .inner_margin(Margin::same(20));
     let modal = Modal::new(Id::unique("cancel run")).frame(frame).show(ui.ctx(), |ui| {
         ui.set_width(380.0);
         ui.label(RichText::new("Cancel this run?").text_style(egui::TextStyle::Heading).strong());

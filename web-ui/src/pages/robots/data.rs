@@ -50,7 +50,18 @@ pub fn arena(state: &State) -> Option<(String, Tone)> {
         "offline" => ("is offline", Tone::Error),
         other => (other, Tone::Neutral),
     };
-    let size = format!("{} by {}", theme::metres(view.arena.width_m), theme::metres(view.arena.height_m));
-    let message = view.message.as_deref().map(|m| format!(" {}", words::full_stop(m))).unwrap_or_default();
-    Some((format!("Arena \u{201c}{}\u{201d} ({size}) {word}.{message}", view.arena.name), tone))
+    let size = format!(
+        "{} by {}",
+        theme::metres(view.arena.width_m),
+        theme::metres(view.arena.height_m)
+    );
+    let message = view
+        .message
+        .as_deref()
+        .map(|m| format!(" {}", words::full_stop(m)))
+        .unwrap_or_default();
+    Some((
+        format!("Arena \u{201c}{}\u{201d} ({size}) {word}.{message}", view.arena.name),
+        tone,
+    ))
 }

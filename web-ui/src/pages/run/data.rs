@@ -20,7 +20,9 @@ pub fn physical(state: &State) -> Option<(Cow<'_, Replay>, bool)> {
         return Some((Cow::Borrowed(replay), true));
     }
     let same = state.live.run.is_some() && state.live.run == state.run.selected;
-    same.then(|| replay_of_live(&state.live.frames)).flatten().map(|replay| (Cow::Owned(replay), false))
+    same.then(|| replay_of_live(&state.live.frames))
+        .flatten()
+        .map(|replay| (Cow::Owned(replay), false))
 }
 
 /// Live pictures on the even time grid of a replay (30 Hz); the newest picture at or before each moment.
@@ -31,7 +33,16 @@ fn replay_of_live(frames: &VecDeque<LiveFrame>) -> Option<Replay> {
     let mut robots: BTreeMap<&str, ReplayRobot> = first
         .robots
         .iter()
-        .map(|r| (r.name.as_str(), ReplayRobot { name: r.name.clone(), poses: Vec::new(), targets: Vec::new() }))
+        .map(|r| {
+            (
+                r.name.as_str(),
+                ReplayRobot {
+                    name: r.name.clone(),
+                    poses: Vec::new(),
+                    targets: Vec::new(),
+                },
+            )
+        })
         .collect();
     let count = (last.time_s.min(3600.0) / PERIOD_S).floor() as usize + 1;
     let mut at = 0;
@@ -47,27 +58,55 @@ fn replay_of_live(frames: &VecDeque<LiveFrame>) -> Option<Replay> {
             }
         }
     }
-    let robots = first.robots.iter().filter_map(|r| robots.remove(r.name.as_str())).collect();
-    Some(Replay { format: "robopheus.replay/1".to_owned(), period_s: PERIOD_S, robots })
+    let robots = first
+        .robots
+        .iter()
+        .filter_map(|r| robots.remove(r.name.as_str()))
+        .collect();
+    Some(Replay {
+        format: "robopheus.replay/1".to_owned(),
+        period_s: PERIOD_S,
+        robots,
+    })
 }
 
 /// Measured (solid) and twin (dashed) on one floor, both at the moment of the playback.
 pub fn scene(state: &State, view: &RunView) -> Scene {
     let experiment = &view.experiment;
     let mut scene = Scene::of_arena(state.lab.arena_or_reference(&experiment.arena));
-    scene.paths = (0..experiment.robots.len()).filter_map(|index| path(experiment, index)).collect();
+    scene.paths = (0..experiment.robots.len())
+        .filter_map(|index| path(experiment, index))
+        .collect();
     scene.add_targets(experiment);
     let measured = physical(state);
     let time_s = state.run.playback.time_s;
     for (index, named) in experiment.robots.iter().enumerate() {
         let shape = Shape::of(state.lab.robot(&named.name).map(|r| &r.description));
-        let sources = [(state.run.twin.replay(), true), (measured.as_ref().map(|(replay, _)| replay.as_ref()), false)];
+        let sources = [
+            (state.run.twin.replay(), true),
+            (measured.as_ref().map(|(replay, _)| replay.as_ref()), false),
+        ];
         for (replay, twin) in sources {
-            let Some((recorded, period_s)) = replay.and_then(|r| Some((robot(r, &named.name)?, r.period_s))) else { continue };
+            let Some((recorded, period_s)) = replay.and_then(|r| Some((robot(r, &named.name)?, r.period_s))) else {
+                continue;
+            };
             let ink = if twin { Ink::Twin } else { Ink::Robot(index) };
-            scene.trails.push(Trail { points: recorded.poses.iter().map(|p| [p[0], p[1]]).collect(), ink, dashed: twin, faint: false });
+            scene.trails.push(Trail {
+                points: recorded.poses.iter().map(|p| [p[0], p[1]]).collect(),
+                ink,
+                dashed: twin,
+                faint: false,
+            });
             if let Some(pose) = pose_at(recorded, period_s, time_s) {
-                scene.robots.push(SceneRobot { name: named.name.clone(), pose, shape: shape.clone(), ink, ghost: twin, show_name: !twin, mark: None });
+                scene.robots.push(SceneRobot {
+                    name: named.name.clone(),
+                    pose,
+                    shape: shape.clone(),
+                    ink,
+                    ghost: twin,
+                    show_name: !twin,
+                    mark: None,
+                });
             }
         }
     }
@@ -90,20 +129,45 @@ pub fn series(state: &State, view: &RunView) -> Vec<Series> {
     let measured = physical(state);
     let single = view.experiment.robots.len() == 1;
     for (index, named) in view.experiment.robots.iter().enumerate() {
-        let title = |what: &str| if single { what.to_owned() } else { format!("{}: {}", named.name, what.to_lowercase()) };
-        let twin = state.run.twin.replay().and_then(|r| Some((robot(r, &named.name)?, r.period_s)));
-        let real = measured.as_ref().and_then(|(r, _)| Some((robot(r, &named.name)?, r.period_s)));
+        let title = |what: &str| {
+            if single {
+                what.to_owned()
+            } else {
+                format!("{}: {}", named.name, what.to_lowercase())
+            }
+        };
+        let twin = state
+            .run
+            .twin
+            .replay()
+            .and_then(|r| Some((robot(r, &named.name)?, r.period_s)));
+        let real = measured
+            .as_ref()
+            .and_then(|(r, _)| Some((robot(r, &named.name)?, r.period_s)));
         if let Some(path) = path(&view.experiment, index) {
-            for (recorded, ink, dashed, what) in [(twin, Ink::Twin, true, "Twin to path"), (real, Ink::Robot(index), false, "Measured to path")] {
+            for (recorded, ink, dashed, what) in [
+                (twin, Ink::Twin, true, "Twin to path"),
+                (real, Ink::Robot(index), false, "Measured to path"),
+            ] {
                 if let Some((recorded, period_s)) = recorded {
-                    series.push(Series { name: title(what), ink, dashed, points: to_path(&path, recorded, period_s) });
+                    series.push(Series {
+                        name: title(what),
+                        ink,
+                        dashed,
+                        points: to_path(&path, recorded, period_s),
+                    });
                 }
             }
         }
         if let (Some(real), Some(twin)) = (real, twin) {
             let points = gap_m(real, twin).into_iter().map(|[t, m]| [t, m * 1000.0]).collect();
             let ink = if single { Ink::Neutral } else { Ink::Robot(index) };
-            series.push(Series { name: title("Twin to measured"), ink, dashed: false, points });
+            series.push(Series {
+                name: title("Twin to measured"),
+                ink,
+                dashed: false,
+                points,
+            });
         }
     }
     series
@@ -136,13 +200,27 @@ pub fn largest_and_rms_mm(points: &[[f64; 2]]) -> Option<(f64, f64)> {
 pub fn facts(state: &State, view: &RunView) -> Facts {
     let now = state.clock.utc;
     let mut facts = vec![
-        ("Submitted".to_owned(), format!("{} by {}", theme::relative(view.created_at, now), view.submitted_by)),
-        ("Robots".to_owned(), view.experiment.robots.iter().map(|r| r.name.as_str()).collect::<Vec<_>>().join(", ")),
+        (
+            "Submitted".to_owned(),
+            format!("{} by {}", theme::relative(view.created_at, now), view.submitted_by),
+        ),
+        (
+            "Robots".to_owned(),
+            view.experiment
+                .robots
+                .iter()
+                .map(|r| r.name.as_str())
+                .collect::<Vec<_>>()
+                .join(", "),
+        ),
     ];
     if let (Some(from), to) = (view.started_at, view.ended_at) {
         let length_s = (to.unwrap_or(now) - from).num_milliseconds() as f64 / 1000.0;
         let suffix = if to.is_some() { "" } else { " so far" };
-        facts.push(("On the floor".to_owned(), format!("{}{suffix}", theme::seconds(length_s.max(0.0)))));
+        facts.push((
+            "On the floor".to_owned(),
+            format!("{}{suffix}", theme::seconds(length_s.max(0.0))),
+        ));
     }
     if !view.state.is_terminal() {
         if let Some(reason) = &view.waiting_reason {
@@ -154,8 +232,13 @@ pub fn facts(state: &State, view: &RunView) -> Facts {
     }
     if let Some(recorded) = view.ticks_recorded {
         let seconds = theme::seconds(recorded as f64 / f64::from(api::CONTROL_HZ));
-        let missed = view.ticks_missed.map_or_else(String::new, |missed| format!(", {missed} missed"));
-        facts.push(("Control ticks".to_owned(), format!("{recorded} recorded ({seconds}){missed}")));
+        let missed = view
+            .ticks_missed
+            .map_or_else(String::new, |missed| format!(", {missed} missed"));
+        facts.push((
+            "Control ticks".to_owned(),
+            format!("{recorded} recorded ({seconds}){missed}"),
+        ));
     }
     if view.epoch > 0 {
         facts.push(("Attempt".to_owned(), format!("epoch {}", view.epoch)));
@@ -165,7 +248,11 @@ pub fn facts(state: &State, view: &RunView) -> Facts {
 
 /// The verdict's moments, for jumping there.
 pub fn findings(view: &RunView) -> Vec<(f64, Tone, String)> {
-    view.verdict.iter().flat_map(|v| &v.findings).map(|f| (f.at_s, words::finding_tone(f), words::finding(f))).collect()
+    view.verdict
+        .iter()
+        .flat_map(|v| &v.findings)
+        .map(|f| (f.at_s, words::finding_tone(f), words::finding(f)))
+        .collect()
 }
 
 /// Whether both twins agree, and who they are.
@@ -174,7 +261,9 @@ pub fn digest(view: &RunView) -> (String, Tone, Facts) {
     let (sentence, tone) = match digest.equal {
         Some(true) => ("Equal: your twin and the server's agree bit for bit.", Tone::Good),
         Some(false) => ("Different: your twin and the server's do not agree.", Tone::Error),
-        None if digest.claimed.is_none() && digest.server.is_some() => ("The submitter sent no digest to compare with.", Tone::Neutral),
+        None if digest.claimed.is_none() && digest.server.is_some() => {
+            ("The submitter sent no digest to compare with.", Tone::Neutral)
+        }
         None => ("Not compared yet.", Tone::Neutral),
     };
     let line = |digest: &Option<String>, version: &Option<String>| match (digest, version) {
@@ -183,7 +272,10 @@ pub fn digest(view: &RunView) -> (String, Tone, Facts) {
         (None, _) => "not known".to_owned(),
     };
     let facts = vec![
-        ("Submitter".to_owned(), line(&digest.claimed, &digest.claimed_twin_version)),
+        (
+            "Submitter".to_owned(),
+            line(&digest.claimed, &digest.claimed_twin_version),
+        ),
         ("Server".to_owned(), line(&digest.server, &digest.server_twin_version)),
     ];
     (sentence.to_owned(), tone, facts)
@@ -232,7 +324,9 @@ pub fn picture_notes(state: &State) -> Vec<String> {
     };
     let measured = match (&state.run.physical, physical(state)) {
         (Recording::Here(_), _) => None,
-        (_, Some(_)) => Some("Measured motion as received live; the recorded track follows after the upload.".to_owned()),
+        (_, Some(_)) => {
+            Some("Measured motion as received live; the recorded track follows after the upload.".to_owned())
+        }
         (Recording::Loading, None) => Some("Loading the measured track \u{2026}".to_owned()),
         (Recording::Missing(why), None) => Some(why.clone()),
         (Recording::Unknown, None) => Some("Nothing was measured yet.".to_owned()),
