@@ -20,23 +20,23 @@ pub struct Golden {
 pub const TABLE: [Golden; 5] = [
     Golden {
         name: "omni4-alone",
-        digest: "c6c15426df99c8dc849af870f2e60c25",
+        digest: "38c894360e77007e5fddca60a7db6c8c",
     },
     Golden {
         name: "diff2-alone",
-        digest: "21ecb8eb20fd87f0b3bdcabb81b14a2a",
+        digest: "f0650767f08f176939410dc586716c9a",
     },
     Golden {
         name: "awd-slippery",
-        digest: "74c0685e1769e313790ee075bd67b4b0",
+        digest: "fa6f950a9653a9fb44acb730dfcfccd6",
     },
     Golden {
         name: "head-on",
-        digest: "95b8fd347da246b22b064c00e990f4f4",
+        digest: "fc93cd2f6570f9cf9f45663063b5400f",
     },
     Golden {
         name: "pile-up",
-        digest: "3fd6dc558a507841ccf3cd306ada407d",
+        digest: "77402711c18821e7734b5a05df81d9ad",
     },
 ];
 

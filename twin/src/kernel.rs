@@ -208,13 +208,13 @@ impl<const N: usize> Step<'_, N> {
     #[inline(always)]
     fn set_loads(&mut self, state: &BodyState) {
         let loads = self.model.load.loads_n(state.accel_x, state.accel_y);
-        for i in 0..N {
+        for (i, (grip, load)) in self.grip.iter_mut().zip(loads).enumerate() {
             let present = if i < self.model.lanes {
                 self.model.floor_friction / SLIP_SCALE_M_PER_S
             } else {
                 0.0
             };
-            self.grip[i] = present * loads[i];
+            *grip = present * load;
         }
     }
 

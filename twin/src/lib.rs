@@ -28,7 +28,7 @@ pub mod twist;
 pub mod world;
 
 /// Version of the numbers this crate produces. Changes whenever any bit of any trace changes.
-pub const VERSION: &str = "twin-0.1.0/1";
+pub const VERSION: &str = "twin-0.1.0/2";
 
 /// Control ticks per second.
 pub const CONTROL_RATE_HZ: u32 = 120;

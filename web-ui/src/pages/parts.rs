@@ -55,7 +55,7 @@ pub fn pill(ui: &mut Ui, palette: &Palette, text: &str, tone: Tone) -> Response 
     ui.painter()
         .rect_filled(rect, rect.height() / 2.0, ink.gamma_multiply(0.14));
     ui.painter().galley(rect.center() - galley.size() / 2.0, galley, ink);
-    response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Label, true, text));
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Label, true, text));
     response
 }
 
