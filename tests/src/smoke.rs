@@ -142,7 +142,7 @@ fn figures(rows: &mut Vec<Row>, archive: &Archive, robot: &str) -> anyhow::Resul
         "0",
         bunched == 0,
     );
-    let text = format!("{} (plain sleep {})", jitter["late_p99_ms"], jitter["sleep_p99_ms"]);
+    let text = format!("{} (plain sleep {})", jitter["late_p99_ms"], jitter["sleep_late_p99_ms"]);
     row(
         rows,
         "tick lateness p99, ms",

@@ -16,8 +16,8 @@ enum Message {
     },
     Done {
         id: u32,
-        verdict: Document<Verdict>,
-        replay: Document<Replay>,
+        verdict: Box<Document<Verdict>>,
+        replay: Box<Document<Replay>>,
         digest: String,
         twin_version: String,
     },

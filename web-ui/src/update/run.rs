@@ -31,10 +31,11 @@ pub fn open(state: &mut State, id: Uuid) {
 
 /// The Run page never stands empty while there are runs: the newest is shown.
 pub fn choose_default(state: &mut State) {
-    if state.page == Page::Run && state.run.selected.is_none() {
-        if let Some(id) = state.queue.runs.as_deref().and_then(|runs| runs.first()).map(|r| r.id) {
-            open(state, id);
-        }
+    if state.page == Page::Run
+        && state.run.selected.is_none()
+        && let Some(id) = state.queue.runs.as_deref().and_then(|runs| runs.first()).map(|r| r.id)
+    {
+        open(state, id);
     }
 }
 

@@ -107,10 +107,10 @@ fn reason(run: &RunView) -> String {
     if let Some(fault) = &run.fault {
         return words::fault(fault);
     }
-    if run.state == RunState::Rejected {
-        if let Some(verdict) = &run.verdict {
-            return words::full_stop(&verdict.sentence);
-        }
+    if run.state == RunState::Rejected
+        && let Some(verdict) = &run.verdict
+    {
+        return words::full_stop(&verdict.sentence);
     }
     match &run.waiting_reason {
         Some(reason) if !run.state.is_terminal() => words::full_stop(reason),
