@@ -17,6 +17,8 @@ pub struct SensorSet {
     accel_m_per_s2: [f64; 2],
     /// Wheel angles from before the robot was last put down.
     wheel_offset_rad: [f64; robot::MAX_MOTORS],
+    /// Angles of the last sample, from which the encoders make speeds.
+    last_angle_rad: [f64; robot::MAX_MOTORS],
     random: Noise,
 }
 
@@ -27,6 +29,7 @@ impl SensorSet {
             gyro_bias_rad_per_s: hidden.gyro_bias_rad_per_s,
             accel_m_per_s2: [0.0; 2],
             wheel_offset_rad: [0.0; robot::MAX_MOTORS],
+            last_angle_rad: [0.0; robot::MAX_MOTORS],
             random,
         }
     }
@@ -49,11 +52,13 @@ impl SensorSet {
         if !on_floor {
             return sensors;
         }
-        // Encoders sit on the motor's side of the gear.
+        // Encoders sit on the motor's side of the gear. A speed is the mean over the last sample interval, by timed edges.
         let tick_rad = std::f64::consts::TAU / ENCODER_TICKS_PER_TURN;
         for (i, wheel) in body.driven_wheels().enumerate().take(robot::MAX_MOTORS) {
             sensors.wheel_rad[i] += (wheel.motor.angle_rad / tick_rad).floor() * tick_rad;
-            sensors.wheel_rad_per_s[i] = wheel.motor.speed_rad_per_s + self.error(self.noise.wheel_rad_per_s);
+            let angle_rad = self.wheel_offset_rad[i] + wheel.motor.angle_rad;
+            let turned_rad = angle_rad - std::mem::replace(&mut self.last_angle_rad[i], angle_rad);
+            sensors.wheel_rad_per_s[i] = turned_rad * robot::firmware::RATE_HZ + self.error(self.noise.wheel_rad_per_s);
             sensors.current_a[i] = wheel.motor.current_a + self.error(self.noise.current_a);
         }
         sensors.gyro_z_rad_per_s =

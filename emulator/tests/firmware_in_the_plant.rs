@@ -59,6 +59,38 @@ fn every_chassis_reaches_its_commanded_wheel_speeds() {
 }
 
 #[test]
+fn motors_do_not_chatter_in_the_backlash_of_their_gears() {
+    let description = reference();
+    for (index, robot) in description.robots.iter().enumerate() {
+        let mut bench = Bench::new(&description, hidden(), 4);
+        bench.place(&[(robot.number, -1.0, 0.0, 0.0)]);
+        // Reversals open the play; the slow drive after them loads the gears so little that they could stay open.
+        for speed_m_per_s in [0.4, -0.4, 0.4, 0.05] {
+            bench.drive_for(1.0, |_| wheels(forward(&robot.description, speed_m_per_s)));
+        }
+        let set_points = forward(&robot.description, 0.05);
+        let wheel_count = robot.description.wheels.iter().filter(|wheel| wheel.driven).count();
+        let mut energy = vec![0.0; wheel_count];
+        for _ in 0..120 {
+            bench.drive_for(1.0 / 120.0, |_| wheels(set_points));
+            let telemetry = bench.telemetry[index].unwrap();
+            for (k, sum) in energy.iter_mut().enumerate() {
+                *sum += (telemetry.wheel_rad_per_s[k] - set_points[k]).powi(2) / 120.0;
+            }
+        }
+        for (k, sum) in energy.iter().enumerate() {
+            let rms_rad_per_s = sum.sqrt();
+            println!("{} wheel {k}: {rms_rad_per_s} rad/s", robot.description.name);
+            assert!(
+                rms_rad_per_s < 0.5,
+                "{} wheel {k}: {rms_rad_per_s} rad/s off its set-point",
+                robot.description.name
+            );
+        }
+    }
+}
+
+#[test]
 fn a_robot_whose_link_is_cut_stops_within_the_promised_distance() {
     let description = reference();
     for (index, robot) in description.robots.iter().enumerate() {

@@ -1,7 +1,7 @@
 //! The control loop: tracker and telemetry in, commands out, 120 times a second on a thread of its own.
 //!
 //! It takes no lock, does no input or output except sending on the robot link, and hands everything it knows to the
-//! recorder's queue. A late tick is dropped, not made up for.
+//! recorder's queue. A tick that was slept through is dropped, not made up for.
 
 use crate::clock::{monotonic_ns, monotonic_us, wait_until_ns};
 use crate::estimator::{Belief, PoseSample, PoseTrack};
@@ -10,7 +10,7 @@ use crate::realtime;
 use crate::record::{Command, Intervention, LogLevel, Motion, Pose, Record, SafetyKind, Telemetry, Tick};
 use crate::recorder::RecorderHandle;
 use crate::safety::{Ending, Inputs, Permission, RobotHealth, Safety, Signals};
-use crate::schedule::{TickSchedule, Wake};
+use crate::schedule::{Due, TickSchedule};
 use crate::tracker::PoseFrame;
 use control::law::RobotObservation;
 use control::safety::Cause;
@@ -80,9 +80,7 @@ pub fn run(setup: Setup) -> LoopResult {
     loop {
         let due_ns = schedule.due_ns();
         wait_until_ns(due_ns);
-        let Wake::Run { slot, late_ns } = schedule.wake(monotonic_ns()) else {
-            continue;
-        };
+        let Due { slot, late_ns } = schedule.wake(monotonic_ns());
         ticks += 1;
         let woke_us = monotonic_us();
         let ended = control_loop.tick(slot);

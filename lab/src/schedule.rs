@@ -1,17 +1,17 @@
-//! Which tick is due: a fixed 120 Hz grid on which a late tick is dropped, never made up for.
+//! Which tick is due: a fixed 120 Hz grid. A slot runs once, late if it must be, but never after its successor is due;
+//! what was slept through is dropped, not made up for.
 
 /// Control ticks per second.
 pub const TICK_HZ: i64 = api::CONTROL_HZ as i64;
-/// A tick that would start later than this after its slot is dropped; this is also the least distance of two ticks.
-const LATEST_START_NS: i64 = 1_000_000_000 / TICK_HZ / 2;
+/// Least distance of two ticks: after a late one the next waits this long.
+const LEAST_SPACING_NS: i64 = 1_000_000_000 / TICK_HZ / 2;
 
-/// What to do after waking up.
+/// The tick to run now.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Wake {
-    /// Run the tick of this slot; it starts this much late.
-    Run { slot: i64, late_ns: i64 },
-    /// Too late for the slot: wait for the next one.
-    Skip,
+pub struct Due {
+    pub slot: i64,
+    /// Start after the slot's time on the grid.
+    pub late_ns: i64,
 }
 
 /// Slots at `start + k / 120 s`, without accumulated rounding.
@@ -19,6 +19,7 @@ pub enum Wake {
 pub struct TickSchedule {
     start_ns: i64,
     next_slot: i64,
+    earliest_ns: i64,
     missed: i64,
 }
 
@@ -28,13 +29,14 @@ impl TickSchedule {
         Self {
             start_ns,
             next_slot: 0,
+            earliest_ns: start_ns,
             missed: 0,
         }
     }
 
-    /// When the next slot is due.
-    pub const fn due_ns(&self) -> i64 {
-        self.slot_ns(self.next_slot)
+    /// When to wake for the next tick.
+    pub fn due_ns(&self) -> i64 {
+        self.slot_ns(self.next_slot).max(self.earliest_ns)
     }
 
     /// Slots that were dropped so far.
@@ -46,21 +48,20 @@ impl TickSchedule {
         self.start_ns + slot * 1_000_000_000 / TICK_HZ
     }
 
-    /// Decides on waking at `now_ns`, which is not before [`Self::due_ns`].
-    pub fn wake(&mut self, now_ns: i64) -> Wake {
+    /// Takes the slot for a wake-up at `now_ns`, which is not before [`Self::due_ns`].
+    pub fn wake(&mut self, now_ns: i64) -> Due {
         let mut slot = ((now_ns - self.start_ns) * TICK_HZ / 1_000_000_000).max(self.next_slot);
         // Integer division may land one slot early when `now` is within a rounding error of the grid.
         if self.slot_ns(slot + 1) <= now_ns {
             slot += 1;
         }
         self.missed += slot - self.next_slot;
-        let late_ns = now_ns - self.slot_ns(slot);
         self.next_slot = slot + 1;
-        if late_ns > LATEST_START_NS {
-            self.missed += 1;
-            return Wake::Skip;
+        self.earliest_ns = now_ns + LEAST_SPACING_NS;
+        Due {
+            slot,
+            late_ns: now_ns - self.slot_ns(slot),
         }
-        Wake::Run { slot, late_ns }
     }
 }
 
@@ -77,10 +78,9 @@ mod tests {
         let mut ran = Vec::new();
         for k in 0..wake_ups {
             now = schedule.due_ns().max(now) + delay_ns(k);
-            if let Wake::Run { slot, late_ns } = schedule.wake(now) {
-                assert_eq!(now - late_ns, schedule.slot_ns(slot));
-                ran.push((slot, now));
-            }
+            let Due { slot, late_ns } = schedule.wake(now);
+            assert_eq!(now - late_ns, schedule.slot_ns(slot));
+            ran.push((slot, now));
         }
         (ran, schedule.missed())
     }
@@ -96,10 +96,17 @@ mod tests {
     #[test]
     fn a_stall_drops_its_slots_and_keeps_the_grid() {
         let (ran, missed) = run(100, |k| if k == 10 { 30 * MS } else { 0 });
-        // Due at slot 10, woken 30 ms later: slots 10, 11, 12 and (5 ms late) 13 are gone.
-        assert_eq!(missed, 4);
-        assert_eq!(ran[9].0, 9);
-        assert_eq!(ran[10].0, 14);
+        // Due at slot 10, woken 30 ms later: slots 10, 11 and 12 are gone, 13 runs 5 ms late.
+        assert_eq!(missed, 3);
+        assert_eq!((ran[9].0, ran[10].0, ran[11].0), (9, 13, 14));
+        assert_eq!((ran[10].1 - ran[9].1) / 1000, 38_333);
+    }
+
+    #[test]
+    fn a_stall_shorter_than_a_slot_drops_nothing() {
+        let (ran, missed) = run(100, |k| if k % 10 == 5 { 8 * MS } else { 0 });
+        assert_eq!((ran.len(), missed), (100, 0));
+        assert!(ran.iter().enumerate().all(|(k, (slot, _))| k as i64 == *slot));
     }
 
     #[test]

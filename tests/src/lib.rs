@@ -1,10 +1,12 @@
 //! A whole Robopheus system in a temporary folder, for tests that look at it from outside.
 
 mod archive;
+mod bare_loop;
 mod browser;
 mod system;
 
 pub use archive::{Archive, ParquetSummary};
+pub use bare_loop::{BareLoop, BareTicks};
 pub use browser::Browser;
 pub use system::{System, repository};
 

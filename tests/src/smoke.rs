@@ -6,7 +6,13 @@ use anyhow::Context;
 use api::run::RunState;
 use serde_json::Value;
 use std::time::{Duration, Instant};
-use system_tests::{Archive, System, repository};
+use system_tests::{Archive, BareLoop, BareTicks, System, repository};
+
+/// Share of the ticks that must be in the record ...
+const TICK_SHARE: f64 = 0.995;
+/// ... unless a bare loop beside it could not do that either: then this much less than the bare loop.
+const BARE_MARGIN: f64 = 0.002;
+const TICK_LIMIT: &str = ">= 99.5 % or bare - 0.2 %";
 
 /// One line of the table.
 struct Row {
@@ -72,9 +78,11 @@ async fn smoke(rows: &mut Vec<Row>) -> anyhow::Result<()> {
     );
 
     let clock = Instant::now();
+    let bare_loop = BareLoop::start();
     let limit = Duration::from_secs_f64(duration_s + 30.0);
     let run = system.wait_for_state(id, RunState::Uploading, limit).await?;
     time(rows, "motion", clock);
+    let bare = bare_loop.finish();
 
     let clock = Instant::now();
     let run = if run.state.is_terminal() {
@@ -94,7 +102,7 @@ async fn smoke(rows: &mut Vec<Row>) -> anyhow::Result<()> {
     let clock = Instant::now();
     let archive = Archive::open(system.download(&format!("/api/v1/runs/{id}/archive")).await?)?;
     time(rows, "download and manifest check", clock);
-    figures(rows, &archive, &name)?;
+    figures(rows, &archive, &name, bare)?;
 
     let server = run.digest.server.clone().unwrap_or_default();
     let own = own_digest(&experiment, &system.data)?;
@@ -124,7 +132,7 @@ fn lap_until_the_end(experiment: &mut Value) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn figures(rows: &mut Vec<Row>, archive: &Archive, robot: &str) -> anyhow::Result<()> {
+fn figures(rows: &mut Vec<Row>, archive: &Archive, robot: &str, bare: BareTicks) -> anyhow::Result<()> {
     let manifest = &archive.manifest;
     let recorded = manifest["ticks_recorded"]
         .as_f64()
@@ -132,7 +140,16 @@ fn figures(rows: &mut Vec<Row>, archive: &Archive, robot: &str) -> anyhow::Resul
     let missed = manifest["ticks_missed"].as_f64().context("manifest: ticks_missed")?;
     let share = recorded / (recorded + missed).max(1.0);
     let text = format!("{recorded} of {} ({:.2} %)", recorded + missed, 100.0 * share);
-    row(rows, "120 Hz ticks recorded", text, ">= 99.5 %", share >= 0.995);
+    // A machine whose processors are taken away for longer than a tick cannot give any loop its ticks.
+    let wanted = TICK_SHARE.min(bare.share() - BARE_MARGIN);
+    row(rows, "120 Hz ticks recorded", text, TICK_LIMIT, share >= wanted);
+    let text = format!(
+        "{} of {} ({:.2} %)",
+        bare.ran,
+        bare.ran + bare.missed,
+        100.0 * bare.share()
+    );
+    row(rows, "ticks of a bare loop beside it", text, "reported", true);
     let jitter = &manifest["tick_jitter"];
     let bunched = jitter["bunched"].as_u64().context("manifest: tick_jitter.bunched")?;
     row(
@@ -142,7 +159,11 @@ fn figures(rows: &mut Vec<Row>, archive: &Archive, robot: &str) -> anyhow::Resul
         "0",
         bunched == 0,
     );
-    let text = format!("{} (plain sleep {})", jitter["late_p99_ms"], jitter["sleep_late_p99_ms"]);
+    let text = format!(
+        "{:.3} (plain sleep {:.3})",
+        jitter["late_p99_ms"].as_f64().unwrap_or(f64::NAN),
+        jitter["sleep_late_p99_ms"].as_f64().unwrap_or(f64::NAN)
+    );
     row(
         rows,
         "tick lateness p99, ms",
