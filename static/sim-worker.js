@@ -20,7 +20,7 @@ let starts = 0;
 let ticks = FIRST_TICKS; // ticks in a piece, fitted to PIECE_MS
 
 const module = import("/bundle/sim_wasm.js").then(async (wasm) => {
-  await wasm.default();
+  await wasm.default({ module_or_path: "/bundle/sim_wasm_bg.wasm" });
   return wasm;
 });
 module.catch(() => {}); // reported where it is awaited

@@ -1,6 +1,7 @@
 //! The path of a newcomer in a real browser: compose, watch the twin, submit, watch the robots, download.
 
 use api::run::RunState;
+use serde_json::Value;
 use std::collections::BTreeMap;
 use std::time::Duration;
 use system_tests::{Archive, Browser, System, repository};
@@ -13,7 +14,9 @@ fn pictures() -> std::path::PathBuf {
 async fn newcomer_composes_submits_watches_and_downloads() -> anyhow::Result<()> {
     let system = System::start("browser").await?;
     let browser = Browser::open(&system.base, &system.data).await?;
-    let accepted = |seen: &serde_json::Value| seen["twin"]["accepted"] == true && seen["twin"]["running"] == false;
+    let settled =
+        |seen: &Value| seen["state"]["twin"]["running"] == false && seen["state"]["twin"]["digest"].is_string();
+    let accepted = |seen: &Value| settled(seen) && seen["state"]["twin"]["accepted"] == true;
 
     let seen = browser
         .wait(
@@ -23,23 +26,51 @@ async fn newcomer_composes_submits_watches_and_downloads() -> anyhow::Result<()>
         )
         .await?;
     assert_eq!(seen["page"], "compose");
-    let first_digest = seen["twin"]["digest"].clone();
+    let first_digest = seen["state"]["twin"]["digest"].clone();
     browser.picture(&pictures().join("compose.png")).await?;
 
     browser.click("compose.template.swap-corners").await?;
-    let other = |seen: &serde_json::Value| accepted(seen) && seen["twin"]["digest"] != first_digest;
+    let other = |seen: &Value| accepted(seen) && seen["state"]["twin"]["digest"] != first_digest;
     let seen = browser
         .wait("the twin's verdict on the swap", Duration::from_secs(60), other)
         .await?;
-    let digest = seen["twin"]["digest"].clone();
+    let digest = seen["state"]["twin"]["digest"].clone();
     browser.picture(&pictures().join("compose-swap.png")).await?;
 
+    // A robot dragged onto another: the page says so and does not let it be submitted.
+    let at = |robot: &str, key: &str| seen["widgets"][robot][key].as_f64().unwrap_or_default();
+    let way = |key: &str| (at("compose.robot.1", key) - at("compose.robot.0", key)) as i64;
+    browser.drag("compose.robot.0", way("x"), way("y")).await?;
+    let refused = |seen: &Value| {
+        let (twin, compose) = (&seen["state"]["twin"], &seen["state"]["compose"]);
+        let said = [&twin["problems"], &twin["findings"]]
+            .iter()
+            .any(|list| list[0].is_string());
+        twin["running"] == false && twin["accepted"] != true && said && compose["submit_obstacle"].is_string()
+    };
+    browser
+        .wait(
+            "the refusal of robots on top of each other",
+            Duration::from_secs(30),
+            refused,
+        )
+        .await?;
+    browser.picture(&pictures().join("compose-refused.png")).await?;
+    browser.click("compose.template.swap-corners").await?;
+    let again = |seen: &Value| accepted(seen) && seen["state"]["twin"]["digest"] == digest;
+    browser
+        .wait("the template's own start poses", Duration::from_secs(60), again)
+        .await?;
+
     browser.press_control_enter().await?;
-    let submitted = |seen: &serde_json::Value| seen["run"]["id"].is_string();
+    let submitted = |seen: &Value| seen["state"]["queue"]["runs"][0][0].is_string();
     let seen = browser
         .wait("the submission", Duration::from_secs(30), submitted)
         .await?;
-    let id: uuid::Uuid = seen["run"]["id"].as_str().unwrap_or_default().parse()?;
+    let id: uuid::Uuid = seen["state"]["queue"]["runs"][0][0]
+        .as_str()
+        .unwrap_or_default()
+        .parse()?;
     browser.picture(&pictures().join("queue.png")).await?;
 
     let run = system
@@ -56,7 +87,7 @@ async fn newcomer_composes_submits_watches_and_downloads() -> anyhow::Result<()>
     browser.click("nav.live").await?;
     browser
         .wait("live robots", Duration::from_secs(20), |seen| {
-            seen["live"]["robots"].as_u64() == Some(4)
+            seen["state"]["live"]["tick"].as_i64() > Some(120)
         })
         .await?;
     tokio::time::sleep(Duration::from_secs(3)).await; // let the trails grow before the picture
@@ -65,13 +96,13 @@ async fn newcomer_composes_submits_watches_and_downloads() -> anyhow::Result<()>
     let run = system.wait_until_ended(id, Duration::from_secs(90)).await?;
     assert_eq!(run.state, RunState::Done, "{:?}", run.fault);
     browser.click("nav.run").await?;
-    let ended = |seen: &serde_json::Value| seen["page"] == "run" && seen["run"]["state"] == "done";
+    let ended = |seen: &Value| seen["page"] == "run" && seen["state"]["run"]["state"] == "done";
     browser
         .wait("the Run page of a finished run", Duration::from_secs(20), ended)
         .await?;
     browser
         .wait("the measured track", Duration::from_secs(20), |seen| {
-            seen["run"]["track"] == true
+            seen["state"]["run"]["has_track"] == true && seen["state"]["run"]["has_twin"] == true
         })
         .await?;
     browser.picture(&pictures().join("run.png")).await?;
@@ -99,8 +130,10 @@ async fn the_browser_computes_the_bits_of_the_native_twin() -> anyhow::Result<()
     let system = System::start("digest").await?;
     let browser = Browser::open(&system.base, &system.data).await?;
     let script = "const done = arguments[arguments.length - 1];
-        import('/bundle/sim_wasm.js').then(async sim => { await sim.default(); done(sim.gallery_digests()); })
-            .catch(error => done('error: ' + error));";
+        import('/bundle/sim_wasm.js').then(async sim => {
+            await sim.default({ module_or_path: '/bundle/sim_wasm_bg.wasm' });
+            done(sim.gallery_digests());
+        }).catch(error => done('error: ' + error));";
     let answer = browser.page.execute_async(script, Vec::new()).await?.json().clone();
     let text = answer.as_str().unwrap_or_default();
     let wasm: BTreeMap<String, String> =

@@ -64,12 +64,11 @@ async fn any_one_process_may_die_during_a_run() -> anyhow::Result<()> {
         // The laboratory may still be saving what the crash left.
         let what = format!("the archive after killing {process}");
         let path = format!("/api/v1/runs/{}/archive", run.id);
-        let zip = system_tests::wait_for(&what, Duration::from_secs(40), || async {
-            Ok(system.download(&path).await.ok())
+        let rows = system_tests::wait_for(&what, Duration::from_secs(40), || async {
+            let telemetry = async { Archive::open(system.download(&path).await?)?.telemetry("omni-01") };
+            Ok(telemetry.await.ok().map(|telemetry| telemetry.rows))
         })
         .await?;
-        let archive = Archive::open(zip)?;
-        let rows = archive.telemetry("omni-01")?.rows;
         anyhow::ensure!(rows >= 180, "killed {process}: only {rows} rows saved of two seconds");
         // And the next run works by itself.
         let next = system.submit(&experiment(2.0), None).await?;
