@@ -82,6 +82,20 @@ pub struct StateReport {
     pub ticks_missed: Option<i64>,
 }
 
+/// A laboratory that came back after a crash closes the attempt it found in its journal.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+#[serde(deny_unknown_fields)]
+pub struct SalvageReport {
+    pub epoch: i64,
+    pub fault: Fault,
+    /// What the journal holds; absent when it was cut off before the motion.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ticks_recorded: Option<i64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ticks_missed: Option<i64>,
+}
+
 /// Body of `POST /api/v1/lab/status`: robots' health, about once a second.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -6,6 +6,7 @@ use crate::lab::Lab;
 use crate::record::{End, Record};
 use crate::service::ServiceError;
 use anyhow::Result;
+use api::lab::SalvageReport;
 use api::run::{Fault, RunState, Whose};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -21,6 +22,8 @@ pub struct Leftover {
     pub epoch: i64,
     /// The control loop had begun.
     pub moved: bool,
+    pub ticks_recorded: i64,
+    pub ticks_missed: i64,
     pub end: Option<End>,
 }
 
@@ -34,11 +37,17 @@ pub fn inspect(folder: &Path) -> Option<Leftover> {
         attempt_run: start.assignment.run_id,
         epoch: start.assignment.epoch,
         moved: false,
+        ticks_recorded: 0,
+        ticks_missed: 0,
         end: None,
     };
     for record in journal {
         match record {
             Record::Motion(_) => leftover.moved = true,
+            Record::Tick(tick) => {
+                leftover.ticks_recorded += 1;
+                leftover.ticks_missed = tick.missed;
+            }
             Record::End(end) => leftover.end = Some(*end),
             _ => {}
         }
@@ -47,6 +56,16 @@ pub fn inspect(folder: &Path) -> Option<Leftover> {
 }
 
 impl Leftover {
+    /// What the service is told.
+    pub fn report(&self) -> SalvageReport {
+        SalvageReport {
+            epoch: self.epoch,
+            fault: self.fault(),
+            ticks_recorded: self.moved.then_some(self.ticks_recorded),
+            ticks_missed: self.moved.then_some(self.ticks_missed),
+        }
+    }
+
     /// Why the run could not end in order.
     pub fn fault(&self) -> Fault {
         let platform = |code: &str, message: &str| Fault {
@@ -117,7 +136,7 @@ pub async fn sweep(lab: &Lab) -> Result<(), ServiceError> {
 
 async fn salvage(lab: &Lab, folder: &Path, leftover: &Leftover) -> Result<String, ServiceError> {
     let (run_id, epoch) = (leftover.attempt_run, leftover.epoch);
-    let run = match lab.service.salvage(run_id, epoch, &leftover.fault()).await {
+    let run = match lab.service.salvage(run_id, &leftover.report()).await {
         Ok(run) => run,
         Err(error) if error.is_temporary() => return Err(error),
         Err(error) => return Ok(format!("refused: {error}")),

@@ -1,9 +1,11 @@
 //! The service as the laboratory sees it: a client of `/api/v1/lab`.
 
 use api::BASE_PATH;
-use api::lab::{Assignment, ClaimRequest, Heartbeat, HeartbeatReply, LabDescription, LabStatus, StateReport};
+use api::lab::{
+    Assignment, ClaimRequest, Heartbeat, HeartbeatReply, LabDescription, LabStatus, SalvageReport, StateReport,
+};
 use api::problem::Problem;
-use api::run::{Fault, RunView};
+use api::run::RunView;
 use reqwest::{Body, Client, Method, RequestBuilder, Response, StatusCode};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -65,12 +67,6 @@ pub struct Upload<'a> {
     pub name: &'a str,
     pub path: &'a Path,
     pub sha256: &'a str,
-}
-
-#[derive(Serialize)]
-struct Salvage<'a> {
-    epoch: i64,
-    fault: &'a Fault,
 }
 
 /// See the module.
@@ -168,13 +164,9 @@ impl Service {
     }
 
     /// Closes an attempt that an earlier process left behind; the run as it is then.
-    pub async fn salvage(&self, run_id: Uuid, epoch: i64, fault: &Fault) -> Result<RunView, ServiceError> {
-        self.ask(
-            &format!("/lab/runs/{run_id}/salvage"),
-            &Salvage { epoch, fault },
-            REQUEST_TIMEOUT,
-        )
-        .await
+    pub async fn salvage(&self, run_id: Uuid, report: &SalvageReport) -> Result<RunView, ServiceError> {
+        self.ask(&format!("/lab/runs/{run_id}/salvage"), report, REQUEST_TIMEOUT)
+            .await
     }
 
     /// Sends one file; the service checks the hash before it counts.

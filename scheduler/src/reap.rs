@@ -8,14 +8,12 @@ use tokio::time::timeout;
 
 /// Time between two sweeps.
 pub const SWEEP_PERIOD: Duration = Duration::from_secs(1);
-/// How long an arena stays held after its lease was lost: robots latch off after 0.5 s, the rest is margin.
-pub const ARENA_HOLD: Duration = Duration::from_secs(5);
 
 /// The limits that this process reaps by.
 pub const LIMITS: ReapLimits = ReapLimits {
     run_attempts: store::RUN_ATTEMPTS,
     job_attempts: jobs::rehearse::ATTEMPTS,
-    arena_hold: ARENA_HOLD,
+    arena_hold: store::ARENA_HOLD,
 };
 
 /// Sweeps until told to stop.

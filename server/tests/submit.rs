@@ -6,7 +6,7 @@ use api::experiment::Experiment;
 use reqwest::header::CONTENT_TYPE;
 use reqwest::{Method, StatusCode};
 use serde_json::{Value, json};
-use support::{Service, problem, submission, submission_of_four};
+use support::{Service, laboratory, problem, submission, submission_of_four};
 
 #[tokio::test]
 async fn a_submission_is_stored_once_per_key() {
@@ -38,6 +38,15 @@ async fn a_submission_is_stored_once_per_key() {
     let again = send(submission(), "a").await.expect("answer");
     assert_eq!(again.status(), StatusCode::OK);
     assert_eq!(again.json::<Value>().await.expect("JSON"), first);
+
+    // The laboratory changed meanwhile: the repetition still gets its answer, a new submission the reason.
+    let mut without_robots = laboratory();
+    without_robots["robots"] = json!([]);
+    service.lab("/lab/register", &without_robots).await;
+    assert_eq!(send(submission(), "a").await.expect("answer").status(), StatusCode::OK);
+    let refused = send(submission(), "c").await.expect("answer");
+    assert_eq!(refused.status(), StatusCode::UNPROCESSABLE_ENTITY);
+    service.register_lab().await;
 
     let mut other = submission();
     other["experiment"]["seed"] = json!(2);

@@ -75,6 +75,30 @@ impl Store {
             .ok_or(StoreError::Constraint("experiments_run".to_owned()))
     }
 
+    /// What came of an earlier submission with this key; none when the key is new or too old.
+    pub async fn experiment_submitted_before(
+        &self,
+        user: &str,
+        key: &str,
+        request_hash: &[u8; 32],
+    ) -> Result<Option<Submitted>> {
+        let before: Option<(Vec<u8>, Uuid)> = sqlx::query_as(
+            "SELECT k.request_hash, k.experiment_id FROM idempotency_keys k JOIN users u ON u.id = k.user_id
+             WHERE u.name = $1 AND k.key = $2 AND k.created_at >= clock_timestamp() - interval '24 hours'",
+        )
+        .bind(user)
+        .bind(key)
+        .fetch_optional(&self.pool)
+        .await?;
+        let Some((hash, experiment_id)) = before else {
+            return Ok(None);
+        };
+        if hash != request_hash {
+            return Ok(Some(Submitted::Conflict));
+        }
+        Ok(self.experiment_get(experiment_id).await?.map(Submitted::Replayed))
+    }
+
     /// One experiment.
     pub async fn experiment_get(&self, id: Uuid) -> Result<Option<ExperimentView>> {
         experiment_view(&mut *self.pool.acquire().await?, id).await

@@ -127,6 +127,24 @@ impl Store {
     }
 }
 
+/// Keeps runs off an arena for a while; the laboratory's next registration ends it earlier.
+pub(crate) async fn hold_arena(
+    connection: &mut PgConnection,
+    arena: &str,
+    hold: std::time::Duration,
+    reason: &str,
+) -> Result<()> {
+    sqlx::query(
+        "UPDATE arenas SET held_until = clock_timestamp() + make_interval(secs => $2), held_reason = $3 WHERE name = $1",
+    )
+    .bind(arena)
+    .bind(hold.as_secs_f64())
+    .bind(reason)
+    .execute(connection)
+    .await?;
+    Ok(())
+}
+
 async fn replace_robots(connection: &mut PgConnection, arena: &str, robots: &[LabRobot]) -> Result<()> {
     let names: Vec<&str> = robots.iter().map(|robot| robot.description.name.as_str()).collect();
     let numbers: Vec<i16> = robots.iter().map(|robot| i16::from(robot.number)).collect();

@@ -1,13 +1,14 @@
 //! Leases: who commands an arena, for how long, and what it may write meanwhile.
 
-use crate::RUN_ATTEMPTS;
 use crate::connect::Store;
 use crate::error::{Result, StoreError, seconds};
+use crate::laboratory::hold_arena;
 use crate::outcome::{Beat, Claim, ClaimedRun, Fence, Reported, Salvaged};
 use crate::run::{LockedRun, lock_run, move_run};
 use crate::state::{LostAttempt, after_lost_attempt, fault, fault_of_cancel};
+use crate::{ARENA_HOLD, RUN_ATTEMPTS};
 use api::arena::Arena;
-use api::lab::StateReport;
+use api::lab::{SalvageReport, StateReport};
 use api::run::{Fault, RunState, Whose};
 use sqlx::PgConnection;
 use std::time::Duration;
@@ -142,6 +143,15 @@ impl Store {
             .execute(&mut *transaction)
             .await?;
         move_run(&mut transaction, &run, report.state, cause.as_ref()).await?;
+        if report.state == RunState::Interrupted {
+            let arena: String = sqlx::query_scalar("SELECT arena FROM leases WHERE run_id = $1 AND epoch = $2")
+                .bind(run_id)
+                .bind(run.epoch)
+                .fetch_one(&mut *transaction)
+                .await?;
+            let reason = "a run was interrupted and its robots have to come to rest";
+            hold_arena(&mut transaction, &arena, ARENA_HOLD, reason).await?;
+        }
         if report.state.is_terminal() {
             end_attempt(&mut transaction, run_id, run.epoch, report.state).await?;
         }
@@ -150,19 +160,25 @@ impl Store {
     }
 
     /// A laboratory that came back after a crash closes the attempt it found in its journal.
-    pub async fn run_salvage(&self, run_id: Uuid, epoch: i64, fault: &Fault) -> Result<Salvaged> {
+    pub async fn run_salvage(&self, run_id: Uuid, report: &SalvageReport) -> Result<Salvaged> {
         let mut transaction = self.pool.begin().await?;
         let Some(run) = lock_run(&mut transaction, run_id).await? else {
             return Ok(Salvaged::Stale);
         };
-        if run.epoch != epoch || epoch == 0 {
+        if run.epoch != report.epoch || report.epoch == 0 {
             return Ok(Salvaged::Stale);
         }
+        sqlx::query("UPDATE runs SET ticks_recorded = coalesce(ticks_recorded, $2), ticks_missed = coalesce(ticks_missed, $3) WHERE id = $1")
+            .bind(run_id)
+            .bind(report.ticks_recorded)
+            .bind(report.ticks_missed)
+            .execute(&mut *transaction)
+            .await?;
         let leased = matches!(run.state, RunState::Preparing | RunState::Running | RunState::Uploading);
         if !leased {
             return Ok(Salvaged::Ok { state: run.state });
         }
-        let state = lose_attempt(&mut transaction, &run, fault, RUN_ATTEMPTS).await?;
+        let state = lose_attempt(&mut transaction, &run, &report.fault, RUN_ATTEMPTS).await?;
         transaction.commit().await?;
         Ok(Salvaged::Ok { state })
     }

@@ -35,6 +35,9 @@ pub use outcome::*;
 
 /// Attempts of a run that never moved, before it fails.
 pub const RUN_ATTEMPTS: i32 = 3;
+/// How long an arena stays held after a run was interrupted in motion, unless its laboratory registers again: robots
+/// latch off after 0.5 s, the rest is margin.
+pub const ARENA_HOLD: std::time::Duration = std::time::Duration::from_secs(5);
 /// A robot or laboratory that has said nothing for this long is offline.
 pub const SILENT_S: f64 = 5.0;
 /// What a run takes besides its motion (placing robots, uploading), for the expected start.

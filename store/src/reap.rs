@@ -3,6 +3,7 @@
 use crate::connect::Store;
 use crate::error::Result;
 use crate::job::end_run_of_job;
+use crate::laboratory::hold_arena;
 use crate::lease::lose_attempt;
 use crate::outcome::{ReapLimits, Reaped};
 use crate::run::lock_run;
@@ -59,14 +60,8 @@ impl Store {
             "The laboratory stopped answering during this run.",
         );
         let state = lose_attempt(&mut transaction, &run, &cause, limits.run_attempts).await?;
-        sqlx::query(
-            "UPDATE arenas SET held_until = clock_timestamp() + make_interval(secs => $2),
-                held_reason = 'the laboratory was lost during a run and its robots have to come to rest' WHERE name = $1",
-        )
-        .bind(arena)
-        .bind(limits.arena_hold.as_secs_f64())
-        .execute(&mut *transaction)
-        .await?;
+        let reason = "the laboratory was lost during a run and its robots have to come to rest";
+        hold_arena(&mut transaction, &arena, limits.arena_hold, reason).await?;
         transaction.commit().await?;
         Ok(Some(Reaped::Run { run_id, epoch, state }))
     }

@@ -183,6 +183,25 @@ impl Drop for Browser {
     fn drop(&mut self) {
         let _ = self.driver.kill();
         let _ = self.driver.wait();
+        // A killed driver leaves its browser behind.
+        kill_all_with(&self.profile.display().to_string());
         let _ = std::fs::remove_dir_all(&self.profile);
+    }
+}
+
+/// SIGKILL to every process that has `argument` somewhere in its command line.
+#[allow(unsafe_code)] // kill(2) has no safe wrapper in std
+fn kill_all_with(argument: &str) {
+    for entry in std::fs::read_dir("/proc").into_iter().flatten().flatten() {
+        let Some(pid) = entry.file_name().to_str().and_then(|name| name.parse::<i32>().ok()) else {
+            continue;
+        };
+        let line = std::fs::read(entry.path().join("cmdline")).unwrap_or_default();
+        if String::from_utf8_lossy(&line).contains(argument) && pid > 1 {
+            // SAFETY: kill takes two integers and touches no memory of ours.
+            unsafe {
+                libc::kill(pid, libc::SIGKILL);
+            }
+        }
     }
 }

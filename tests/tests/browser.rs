@@ -87,10 +87,9 @@ async fn newcomer_composes_submits_watches_and_downloads() -> anyhow::Result<()>
     browser.click("nav.live").await?;
     browser
         .wait("live robots", Duration::from_secs(20), |seen| {
-            seen["state"]["live"]["tick"].as_i64() > Some(120)
+            seen["state"]["live"]["tick"].as_i64() > Some(360) // trails of three seconds for the picture
         })
         .await?;
-    tokio::time::sleep(Duration::from_secs(3)).await; // let the trails grow before the picture
     browser.picture(&pictures().join("live.png")).await?;
 
     let run = system.wait_until_ended(id, Duration::from_secs(90)).await?;

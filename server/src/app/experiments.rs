@@ -39,6 +39,14 @@ pub async fn submit(store: &Store, principal: &Principal, submission: Submission
         idempotency_key,
         request_hash,
     } = submission;
+    // A repetition gets its answer even when the laboratory has changed meanwhile.
+    if let Some(key) = &idempotency_key
+        && let Some(before) = store
+            .experiment_submitted_before(&principal.name, key, &request_hash)
+            .await?
+    {
+        return accepted(before, principal);
+    }
     let laboratory = Laboratory {
         robots: store.robot_list().await?,
         arenas: store.arena_list().await?,
@@ -77,6 +85,10 @@ pub async fn submit(store: &Store, principal: &Principal, submission: Submission
             request_hash,
         })
         .await?;
+    accepted(stored, principal)
+}
+
+fn accepted(stored: Submitted, principal: &Principal) -> Result<Accepted, AppError> {
     match stored {
         Submitted::Created(view) => {
             tracing::info!(experiment.id = %view.id, run.id = %view.run_id, user = principal.name, "experiment submitted");

@@ -4,9 +4,11 @@ use super::archives;
 use super::error::AppError;
 use super::files::stale_epoch;
 use crate::state::AppState;
-use api::lab::{Assignment, ClaimRequest, Heartbeat, HeartbeatReply, LabDescription, LabStatus, StateReport};
+use api::lab::{
+    Assignment, ClaimRequest, Heartbeat, HeartbeatReply, LabDescription, LabStatus, SalvageReport, StateReport,
+};
 use api::problem::FieldProblem;
-use api::run::{Fault, RunView};
+use api::run::RunView;
 use std::time::Duration;
 use store::{Beat, Change, Claim, ClaimedRun, Fence, Reported, Salvaged};
 use tokio::sync::broadcast::Receiver;
@@ -131,10 +133,10 @@ pub async fn report(state: &AppState, run_id: Uuid, report: &StateReport) -> Res
 }
 
 /// Closes an attempt that a crashed laboratory left behind. Its files are still accepted.
-pub async fn salvage(state: &AppState, run_id: Uuid, epoch: i64, fault: &Fault) -> Result<RunView, AppError> {
-    match state.store().run_salvage(run_id, epoch, fault).await? {
+pub async fn salvage(state: &AppState, run_id: Uuid, report: &SalvageReport) -> Result<RunView, AppError> {
+    match state.store().run_salvage(run_id, report).await? {
         Salvaged::Ok { state: now } => {
-            tracing::info!(run.id = %run_id, epoch, state = now.as_str(), "attempt salvaged");
+            tracing::info!(run.id = %run_id, epoch = report.epoch, state = now.as_str(), "attempt salvaged");
             if now.is_terminal() {
                 ended(state, run_id);
             }

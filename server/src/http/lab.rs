@@ -5,23 +5,15 @@ use super::params::Id;
 use super::problem::ApiError;
 use crate::app::lab;
 use crate::state::AppState;
-use api::lab::{Assignment, ClaimRequest, Heartbeat, HeartbeatReply, LabDescription, LabStatus, StateReport};
+use api::lab::{
+    Assignment, ClaimRequest, Heartbeat, HeartbeatReply, LabDescription, LabStatus, SalvageReport, StateReport,
+};
 use api::problem::Problem;
-use api::run::{Fault, RunView};
+use api::run::RunView;
 use axum::Json;
 use axum::extract::State;
 use axum::http::StatusCode;
 use axum::response::{IntoResponse as _, Response};
-use serde::Deserialize;
-use utoipa::ToSchema;
-
-/// Body of a salvage: which attempt was left behind, and why.
-#[derive(Debug, Clone, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub struct SalvageRequest {
-    pub epoch: i64,
-    pub fault: Fault,
-}
 
 /// A laboratory introduces itself: arena and robots.
 #[utoipa::path(post, path = "/api/v1/lab/register", tag = "lab", request_body = LabDescription,
@@ -72,14 +64,12 @@ pub async fn state(
 }
 
 /// Closes an attempt that a crashed laboratory left behind; its files are still accepted.
-#[utoipa::path(post, path = "/api/v1/lab/runs/{id}/salvage", tag = "lab", params(("id" = Uuid, Path)), request_body = SalvageRequest,
+#[utoipa::path(post, path = "/api/v1/lab/runs/{id}/salvage", tag = "lab", params(("id" = Uuid, Path)), request_body = SalvageReport,
     responses((status = 200, body = RunView), (status = 409, body = Problem, content_type = "application/problem+json", description = "`stale_epoch`")))]
 pub async fn salvage(
     State(state): State<AppState>,
     Id(id): Id,
-    body: JsonBody<SalvageRequest>,
+    body: JsonBody<SalvageReport>,
 ) -> Result<Json<RunView>, ApiError> {
-    Ok(Json(
-        lab::salvage(&state, id, body.value.epoch, &body.value.fault).await?,
-    ))
+    Ok(Json(lab::salvage(&state, id, &body.value).await?))
 }

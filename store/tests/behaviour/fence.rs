@@ -39,7 +39,11 @@ async fn every_write_of_an_old_epoch_is_refused() {
     );
     let crash = fault(Whose::Platform, "lab_restarted");
     assert_eq!(
-        world.store.run_salvage(old.run_id, old.epoch, &crash).await.unwrap(),
+        world
+            .store
+            .run_salvage(old.run_id, &salvage(old.epoch, &crash))
+            .await
+            .unwrap(),
         Salvaged::Stale
     );
     assert_eq!(

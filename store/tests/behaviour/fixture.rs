@@ -2,7 +2,7 @@
 
 use crate::support::TestDatabase;
 use api::experiment::Experiment;
-use api::lab::{LabDescription, LabStatus, RobotStatus, StateReport};
+use api::lab::{LabDescription, LabStatus, RobotStatus, SalvageReport, StateReport};
 use api::run::{Fault, RunState, Whose};
 use api::verdict::Verdict;
 use std::time::Duration;
@@ -98,6 +98,16 @@ pub fn fault(whose: Whose, code: &str) -> Fault {
         whose,
         code: code.to_owned(),
         message: "For a test.".to_owned(),
+    }
+}
+
+/// What a laboratory says of an attempt that a crash cut off.
+pub fn salvage(epoch: i64, fault: &Fault) -> SalvageReport {
+    SalvageReport {
+        epoch,
+        fault: fault.clone(),
+        ticks_recorded: Some(100),
+        ticks_missed: Some(2),
     }
 }
 

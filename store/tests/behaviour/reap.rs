@@ -43,6 +43,21 @@ async fn a_run_that_never_moved_is_queued_again_and_fails_the_third_time() {
 }
 
 #[tokio::test]
+async fn a_run_interrupted_by_its_own_laboratory_holds_the_arena_until_the_next_registration() {
+    let world = world_with_lab().await;
+    let fence = world.run_in(RunState::Interrupted, LONG).await;
+    world.queued().await;
+    world.report_status(false).await;
+    let arena = world.store.arena_list().await.unwrap().remove(0);
+    assert_eq!(arena.state, "held");
+    assert!(arena.message.unwrap().contains("interrupted"));
+    assert_eq!(world.store.run_claim(&world.claim(), LONG).await.unwrap(), None);
+    world.store.lab_register(&lab()).await.unwrap();
+    let next = world.store.run_claim(&world.claim(), LONG).await.unwrap();
+    assert!(next.is_some_and(|next| next.run_id != fence.run_id));
+}
+
+#[tokio::test]
 async fn a_run_that_moved_is_interrupted_and_holds_the_arena() {
     for state in [RunState::Running, RunState::Uploading] {
         let world = world_with_lab().await;
@@ -144,7 +159,7 @@ async fn salvage_closes_the_attempt_and_takes_its_files() {
     let fence = world.run_in(RunState::Running, LONG).await;
     let salvaged = world
         .store
-        .run_salvage(fence.run_id, fence.epoch, &crash)
+        .run_salvage(fence.run_id, &salvage(fence.epoch, &crash))
         .await
         .unwrap();
     assert_eq!(
@@ -156,7 +171,7 @@ async fn salvage_closes_the_attempt_and_takes_its_files() {
     assert_eq!(
         world
             .store
-            .run_salvage(fence.run_id, fence.epoch, &crash)
+            .run_salvage(fence.run_id, &salvage(fence.epoch, &crash))
             .await
             .unwrap(),
         salvaged,
@@ -165,7 +180,7 @@ async fn salvage_closes_the_attempt_and_takes_its_files() {
     assert_eq!(
         world
             .store
-            .run_salvage(fence.run_id, fence.epoch + 1, &crash)
+            .run_salvage(fence.run_id, &salvage(fence.epoch + 1, &crash))
             .await
             .unwrap(),
         Salvaged::Stale
@@ -178,16 +193,15 @@ async fn salvage_closes_the_attempt_and_takes_its_files() {
             .unwrap(),
         FilePut::Ok
     );
-    assert_eq!(
-        world.store.run_get(fence.run_id).await.unwrap().unwrap().fault,
-        Some(crash.clone())
-    );
+    let run = world.store.run_get(fence.run_id).await.unwrap().unwrap();
+    assert_eq!(run.fault, Some(crash.clone()));
+    assert_eq!((run.ticks_recorded, run.ticks_missed), (Some(100), Some(2)));
     assert_eq!(world.store.arena_list().await.unwrap()[0].state, "free");
 
     let prepared = world.run_in(RunState::Preparing, LONG).await;
     let salvaged = world
         .store
-        .run_salvage(prepared.run_id, prepared.epoch, &crash)
+        .run_salvage(prepared.run_id, &salvage(prepared.epoch, &crash))
         .await
         .unwrap();
     assert_eq!(

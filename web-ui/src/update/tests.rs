@@ -131,11 +131,11 @@ fn the_twin_starts_after_a_pause_and_only_once_for_a_burst_of_changes() {
         );
         assert!(starts(&tick(&mut state, clock(1.0 + f64::from(step) * 0.1))).is_empty());
     }
-    assert!(starts(&tick(&mut state, clock(1.55))).is_empty());
-    let effects = tick(&mut state, clock(1.71));
+    assert!(starts(&tick(&mut state, clock(1.49))).is_empty());
+    let effects = tick(&mut state, clock(1.51));
     assert_eq!(starts(&effects), [2]);
     assert!(effects.contains(&Effect::CancelTwin { id: 1 }));
-    assert!(starts(&tick(&mut state, clock(1.8))).is_empty());
+    assert!(starts(&tick(&mut state, clock(1.6))).is_empty());
 }
 
 #[test]

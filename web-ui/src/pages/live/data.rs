@@ -18,9 +18,13 @@ const BATTERY_LOW_V: f64 = 22.0;
 /// No frame for this long: the picture is old.
 pub const PICTURE_OLD_S: f64 = 1.0;
 
-/// The run the page is about.
+/// The run the page is about: the one on the floor, else the last one that was watched.
 pub fn run(state: &State) -> Option<&RunView> {
-    state.queue.active()
+    let watched = || state.live.run.and_then(|id| state.queue.find(id));
+    state
+        .queue
+        .active()
+        .or_else(|| watched().filter(|_| !state.live.frames.is_empty()))
 }
 
 pub fn scene(state: &State, run: &RunView) -> Scene {
@@ -139,6 +143,9 @@ pub fn facts(state: &State) -> Vec<(String, String)> {
 /// Says how fresh the picture is.
 pub fn connection(state: &State) -> (String, Tone) {
     let live = &state.live;
+    if state.queue.active().is_none() {
+        return ("Last picture".to_owned(), Tone::Neutral);
+    }
     let age_s = state.clock.time_s - live.last_frame_at_s;
     match (live.open, live.frames.is_empty()) {
         (false, _) => ("Connecting \u{2026}".to_owned(), Tone::Warning),
