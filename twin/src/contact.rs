@@ -7,10 +7,11 @@
 use rapier2d_f64::prelude::{
     BroadPhaseBvh, CCDSolver, ColliderBuilder, ColliderSet, ImpulseJointSet, IntegrationParameters, IslandManager,
     MassProperties, MultibodyJointSet, NarrowPhase, PhysicsPipeline, RigidBodyBuilder, RigidBodyHandle, RigidBodySet,
-    SoftBodySet, Vector,
+    Rotation, SoftBodySet, Vector,
 };
 
 use crate::command::WheelCommand;
+use crate::effect::Runtime;
 use crate::free::substep;
 use crate::model::Model;
 use crate::state::BodyState;
@@ -169,7 +170,9 @@ impl Solver {
             .gravity_scale(0.0)
             .can_sleep(false);
         let handle = self.bodies.insert(body.build());
+        // The body frame of the solver sits at the centre of mass.
         let hull = ColliderBuilder::ball(radius_m)
+            .translation(Vector::new(-model.com_m[0], -model.com_m[1]))
             .density(0.0)
             .friction(HULL_FRICTION)
             .restitution(0.0)
@@ -222,16 +225,28 @@ impl Solver {
     }
 }
 
+/// The robots of a world.
+pub(crate) struct Bodies<'a> {
+    pub(crate) models: &'a [Model],
+    pub(crate) radii_m: &'a [f64],
+    pub(crate) runtimes: &'a mut [Option<Runtime>],
+    pub(crate) states: &'a mut [BodyState],
+}
+
 /// One control tick of the robots in `involved`; pairs that pushed each other are added to `contacts`.
 pub(crate) fn resolve_tick(
     arena: &Arena,
-    bodies: (&[Model], &[f64]),
-    states: &mut [BodyState],
+    bodies: Bodies<'_>,
     commands: &[WheelCommand],
     involved: &[u32],
     contacts: &mut Vec<Contact>,
 ) {
-    let (models, radii_m) = bodies;
+    let Bodies {
+        models,
+        radii_m,
+        runtimes,
+        states,
+    } = bodies;
     let mut solver = Solver::new();
     solver.add_walls(arena);
     let handles: Vec<RigidBodyHandle> = involved
@@ -243,7 +258,12 @@ pub(crate) fn resolve_tick(
         for (slot, robot) in involved.iter().enumerate() {
             let robot = *robot as usize;
             befores[slot] = states[robot];
-            substep(&models[robot], &mut states[robot], &commands[robot]);
+            substep(
+                &models[robot],
+                &mut runtimes[robot],
+                &mut states[robot],
+                &commands[robot],
+            );
             load(&mut solver.bodies, handles[slot], &befores[slot], &states[robot]);
         }
         solver.step();
@@ -275,6 +295,8 @@ fn load(bodies: &mut RigidBodySet, handle: RigidBodyHandle, before: &BodyState, 
         after.u * after.sin_yaw + after.v * after.cos_yaw,
     );
     body.set_translation(Vector::new(before.x_m, before.y_m), true);
+    // Turns the hull about the centre of mass; nothing where they coincide.
+    body.set_rotation(Rotation::from_cos_sin_unchecked(before.cos_yaw, before.sin_yaw), true);
     body.set_linvel(velocity, true);
     body.set_angvel(after.r, true);
 }

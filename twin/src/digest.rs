@@ -59,6 +59,13 @@ impl TickHasher {
         self.bytes.extend_from_slice(&packed[..count * 8]);
     }
 
+    /// Further numbers of the robot before.
+    pub(crate) fn numbers(&mut self, words: impl Iterator<Item = f64>) {
+        for word in words {
+            self.bytes.extend_from_slice(&word.to_bits().to_le_bytes());
+        }
+    }
+
     pub(crate) fn finish(&self) -> Digest {
         Digest::of_bytes(&self.bytes)
     }

@@ -1,6 +1,7 @@
 //! One robot on an open floor.
 
 use crate::command::WheelCommand;
+use crate::effect::Runtime;
 use crate::model::Model;
 use crate::pose::Pose;
 use crate::robot::Robot;
@@ -25,6 +26,7 @@ pub struct Start {
 #[derive(Debug, Clone)]
 pub struct FreeRobot {
     model: Model,
+    runtime: Option<Runtime>,
     state: BodyState,
     steps: u64,
     refinement: u32,
@@ -35,7 +37,8 @@ impl FreeRobot {
     pub fn at_rest(robot: &Robot, pose: Pose) -> FreeRobot {
         FreeRobot {
             model: robot.model().clone(),
-            state: BodyState::at_rest(pose),
+            runtime: robot.runtime(),
+            state: BodyState::at_rest(robot.model(), pose),
             steps: 0,
             refinement: 1,
         }
@@ -45,21 +48,19 @@ impl FreeRobot {
     pub fn moving(robot: &Robot, start: &Start) -> FreeRobot {
         let mut free = FreeRobot::at_rest(robot, start.pose);
         let (model, state) = (&free.model, &mut free.state);
-        (state.u, state.v, state.r) = (
-            start.twist.forward_m_per_s,
-            start.twist.left_m_per_s,
-            start.twist.yaw_rate_rad_per_s,
-        );
+        state.set_twist(model, start.twist);
         state.steering_rad = model
             .steering
             .as_ref()
             .map_or(0.0, |steering| steering.limited_rad(start.steering_rad));
         for lane in 0..model.lanes {
             let wheel = model.wheel_of_lane[lane];
-            state.wheel[lane] = start.wheel_rad_per_s[wheel];
+            state.wheel[lane] = start.wheel_rad_per_s[wheel] / model.encoder[lane];
             if let (Some(motor), true) = (&model.motor, model.powered[lane] > 0.0) {
-                state.current[lane] = start.current_a[wheel];
-                state.integral[lane] = motor.settled_integral_rad(start.current_a[wheel], state.wheel[lane]);
+                let current_a = start.current_a[wheel];
+                let voltage_v = current_a / model.per_ohm[lane] + model.torque_per_current[lane] * state.wheel[lane];
+                state.current[lane] = current_a;
+                state.integral[lane] = motor.settled_integral_rad(voltage_v);
             }
         }
         free
@@ -76,7 +77,10 @@ impl FreeRobot {
         if self.steps.is_multiple_of(u64::from(SUBSTEPS)) {
             self.state.refresh_heading();
         }
-        substep_refined(&self.model, &mut self.state, command, self.refinement);
+        match &mut self.runtime {
+            None => substep_refined(&self.model, &mut self.state, command, self.refinement),
+            Some(runtime) => substep_with(runtime, &mut self.state, command, self.refinement),
+        }
         self.steps += 1;
     }
 
@@ -87,7 +91,11 @@ impl FreeRobot {
 
     /// State after the last step.
     pub fn state(&self) -> RobotState {
-        self.state.view(&self.model)
+        self.state.view(self.model_now())
+    }
+
+    fn model_now(&self) -> &Model {
+        self.runtime.as_ref().map_or(&self.model, |runtime| &runtime.live)
     }
 
     /// Kinetic energy of body and wheels, J.
@@ -109,8 +117,19 @@ impl FreeRobot {
 
 /// One sample of the speed loops, steering and physics over 1/480 s.
 #[inline(always)]
-pub(crate) fn substep(model: &Model, state: &mut BodyState, command: &WheelCommand) {
-    substep_refined(model, state, command, 1);
+pub(crate) fn substep(model: &Model, runtime: &mut Option<Runtime>, state: &mut BodyState, command: &WheelCommand) {
+    match runtime {
+        None => substep_refined(model, state, command, 1),
+        Some(runtime) => substep_with(runtime, state, command, 1),
+    }
+}
+
+/// The same with effects that change from step to step.
+#[inline(never)]
+fn substep_with(runtime: &mut Runtime, state: &mut BodyState, command: &WheelCommand, refinement: u32) {
+    let command = runtime.commanded(command);
+    runtime.prepare(state);
+    substep_refined(&runtime.live, state, &command, refinement);
 }
 
 #[inline(always)]
@@ -138,9 +157,9 @@ fn sample_controls(model: &Model, state: &mut BodyState, command: &WheelCommand)
         match &model.motor {
             Some(motor) if model.driven[lane] => {
                 (state.integral[lane], state.voltage[lane]) =
-                    motor.sample(wanted - state.wheel[lane], state.integral[lane]);
+                    motor.sample(wanted - model.encoder_speed(state, lane), state.integral[lane]);
             }
-            None if model.driven[lane] => state.wheel[lane] = wanted,
+            None if model.driven[lane] => state.wheel[lane] = wanted / model.encoder[lane],
             _ => {}
         }
     }

@@ -20,23 +20,23 @@ pub struct Golden {
 pub const TABLE: [Golden; 5] = [
     Golden {
         name: "omni4-alone",
-        digest: "38c894360e77007e5fddca60a7db6c8c",
+        digest: "8290de1bb14fdf46d75d129240146261",
     },
     Golden {
         name: "diff2-alone",
-        digest: "f0650767f08f176939410dc586716c9a",
+        digest: "3b292fd613854de59ca9e8b059b39821",
     },
     Golden {
         name: "awd-slippery",
-        digest: "fa6f950a9653a9fb44acb730dfcfccd6",
+        digest: "c837a70bf61ae64815811e70e89d926f",
     },
     Golden {
         name: "head-on",
-        digest: "fc93cd2f6570f9cf9f45663063b5400f",
+        digest: "18031a54a9bc89ba9b30fa0bd1ad1d83",
     },
     Golden {
         name: "pile-up",
-        digest: "77402711c18821e7734b5a05df81d9ad",
+        digest: "cd23e42c7517b352c7f227b352e4986e",
     },
 ];
 

@@ -17,6 +17,7 @@
 use crate::math;
 use crate::model::{Geometry, Model};
 use crate::state::BodyState;
+use crate::tyre::Tyre;
 use crate::{COULOMB_SCALE_RAD_PER_S, MAX_WHEELS, SLIP_SCALE_M_PER_S};
 
 /// 1 - 1/sqrt 2.
@@ -82,7 +83,7 @@ struct Sums {
 pub(crate) fn advance(model: &Model, state: &mut BodyState, period_s: f64) -> u32 {
     let steered;
     let geometry = if model.steering.is_some() {
-        steered = model.geometry_at(state.steering_rad);
+        steered = model.geometry_at(model.wheel_steering.wheels_rad(state.steering_rad));
         &steered
     } else {
         &model.geometry
@@ -125,7 +126,7 @@ fn advance_lanes<const N: usize>(model: &Model, geometry: &Geometry, state: &mut
             size = if error > 16.0 && size > 3 { size / 4 } else { size / 2 };
             continue;
         }
-        finish(state, &now, &first, &second, part_s);
+        finish(model, state, [&now, &first, &second], part_s);
         now = second;
         at += size;
         if at < FINEST {
@@ -154,12 +155,13 @@ fn extrapolated<const N: usize>(start: &Stage<N>, first: &Stage<N>, factor: f64)
 /// Moves pose and wheel angles through one part of a step; the acceleration that the contact forces give at its end
 /// loads the wheels in the next part.
 #[inline(always)]
-fn finish<const N: usize>(state: &mut BodyState, start: &Stage<N>, first: &Stage<N>, second: &Stage<N>, part_s: f64) {
+fn finish<const N: usize>(model: &Model, state: &mut BodyState, stages: [&Stage<N>; 3], part_s: f64) {
+    let [start, first, second] = stages;
     let mean = |a: f64, b: f64| (1.0 - GAMMA) * a + GAMMA * b;
     let end_rate =
         |j: usize| (second.z[j] - start.z[j] - (1.0 - GAMMA) / GAMMA * (first.z[j] - start.z[j])) / (GAMMA * part_s);
-    state.accel_x = end_rate(0) - second.z[2] * second.z[1];
-    state.accel_y = end_rate(1) + second.z[2] * second.z[0];
+    state.accel_x = end_rate(0) - second.z[2] * second.z[1] - model.gravity_m_per_s2[0];
+    state.accel_y = end_rate(1) + second.z[2] * second.z[0] - model.gravity_m_per_s2[1];
     move_pose(
         state,
         mean(first.z[0], second.z[0]),
@@ -179,7 +181,7 @@ fn settle<const N: usize>(model: &Model, state: &mut BodyState, end: &Stage<N>) 
     for i in 0..N {
         state.wheel[i] = end.wheel[i];
         if let Some(motor) = &model.motor {
-            state.current[i] = model.powered[i] * motor.current_a(state.voltage[i], state.wheel[i]);
+            state.current[i] = model.powered[i] * model.current_a(motor, i, state.voltage[i], state.wheel[i]);
         }
     }
 }
@@ -210,7 +212,7 @@ impl<const N: usize> Step<'_, N> {
         let loads = self.model.load.loads_n(state.accel_x, state.accel_y);
         for (i, (grip, load)) in self.grip.iter_mut().zip(loads).enumerate() {
             let present = if i < self.model.lanes {
-                self.model.floor_friction / SLIP_SCALE_M_PER_S
+                self.model.friction[i] / SLIP_SCALE_M_PER_S
             } else {
                 0.0
             };
@@ -288,7 +290,10 @@ impl<const N: usize> Step<'_, N> {
         moved: &mut [f64; N],
     ) -> (f64, [f64; 3]) {
         let (m, g) = (self.model, self.geometry);
-        let contact = self.contact(y, tangent);
+        let contact = match &m.tyre {
+            None => self.contact(y, tangent),
+            Some(tyre) => self.tyre_contact(tyre, y),
+        };
         let (torque, torque_slope) = self.drive(&y.wheel);
         let (mut gain, mut residual, mut alpha, mut beta, mut delta, mut shift) =
             ([0.0; N], [0.0; N], [0.0; N], [0.0; N], [0.0; N], [0.0; N]);
@@ -303,7 +308,10 @@ impl<const N: usize> Step<'_, N> {
             delta[i] = contact.d_tt[i] - reach * gain[i] * contact.d_lt[i] * contact.d_lt[i];
             shift[i] = radius * gain[i] * residual[i];
         }
-        let mut sums = Sums::default();
+        let mut sums = Sums {
+            force: m.body_force,
+            ..Sums::default()
+        };
         for i in 0..N {
             let a = [g.cos[i], g.sin[i], g.arm_along_m[i]];
             let b = [-g.sin[i], g.cos[i], g.arm_across_m[i]];
@@ -374,6 +382,31 @@ impl<const N: usize> Step<'_, N> {
         out
     }
 
+    /// The same with a tyre of its own in each direction. The slopes stay symmetric: they steer the iteration only.
+    #[inline(never)]
+    fn tyre_contact(&self, tyre: &Tyre, y: &Stage<N>) -> Contacts<N> {
+        let (m, g) = (self.model, self.geometry);
+        let [u, v, r] = y.z;
+        let mut out = Contacts {
+            force_l: [0.0; N],
+            force_t: [0.0; N],
+            d_ll: [0.0; N],
+            d_lt: [0.0; N],
+            d_tt: [0.0; N],
+        };
+        for i in 0..N.min(m.lanes) {
+            let along = m.radius_m[i] * y.wheel[i] - (g.cos[i] * u + g.sin[i] * v + g.arm_along_m[i] * r);
+            let across = -m.lateral[i] * (g.cos[i] * v - g.sin[i] * u + g.arm_across_m[i] * r);
+            let grip = tyre.grip(i, along, across);
+            let limit_n = SLIP_SCALE_M_PER_S * self.grip[i];
+            out.force_l[i] = limit_n * grip.along;
+            out.force_t[i] = limit_n * grip.across;
+            out.d_ll[i] = limit_n * grip.slope_along;
+            out.d_tt[i] = limit_n * m.lateral[i] * grip.slope_across;
+        }
+        out
+    }
+
     /// Torques on the wheels but for the contact, N m, and minus their slopes over the wheel speed, N m s.
     #[inline(always)]
     fn drive(&self, wheel: &[f64; N]) -> ([f64; N], [f64; N]) {
@@ -387,16 +420,16 @@ impl<const N: usize> Step<'_, N> {
             slope[i] = m.viscous_n_m_s[i] + m.coulomb_n_m[i] * (1.0 - t[i] * t[i]) * (1.0 / COULOMB_SCALE_RAD_PER_S);
         }
         if let Some(motor) = &m.motor {
-            let stall = motor.torque_per_current * motor.torque_per_current * motor.per_ohm;
             for i in 0..N {
-                let current = motor.current_a(self.voltage[i], wheel[i]);
+                let per_current = m.torque_per_current[i];
+                let current = m.current_a(motor, i, self.voltage[i], wheel[i]);
                 let inside = if current.abs() < motor.current_limit_a {
                     m.powered[i]
                 } else {
                     0.0
                 };
-                torque[i] += m.powered[i] * motor.torque_per_current * current;
-                slope[i] += inside * stall;
+                torque[i] += m.powered[i] * per_current * current;
+                slope[i] += inside * (per_current * per_current * m.per_ohm[i]);
             }
         }
         (torque, slope)

@@ -8,6 +8,7 @@
 pub mod command;
 mod contact;
 pub mod digest;
+pub mod effect;
 pub mod free;
 pub mod golden;
 mod kernel;
@@ -25,10 +26,11 @@ pub mod snapshot;
 mod state;
 mod steering;
 pub mod twist;
+mod tyre;
 pub mod world;
 
 /// Version of the numbers this crate produces. Changes whenever any bit of any trace changes.
-pub const VERSION: &str = "twin-0.1.0/2";
+pub const VERSION: &str = "twin-0.1.0/3";
 
 /// Control ticks per second.
 pub const CONTROL_RATE_HZ: u32 = 120;

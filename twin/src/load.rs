@@ -48,6 +48,15 @@ impl LoadModel {
         model
     }
 
+    /// Wheels, casters included.
+    pub(crate) fn count(&self) -> usize {
+        self.count
+    }
+
+    pub(crate) fn com_height_m(&self) -> f64 {
+        self.com_height_m
+    }
+
     /// Normal loads, N, at the body acceleration `(a_x, a_y)` that the contact forces gave in the previous step, m/s^2.
     #[inline(always)]
     pub(crate) fn loads_n(&self, accel_x_m_per_s2: f64, accel_y_m_per_s2: f64) -> [f64; MAX_WHEELS] {

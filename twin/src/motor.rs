@@ -10,9 +10,6 @@ use crate::robot::Motor;
 /// Speed loop, sampled at 480 Hz and held: I += e T, |k_i I| <= V_bus ; V = clamp(k_p e + k_i I, +-V_bus), e = W_cmd - W.
 #[derive(Debug, Clone)]
 pub(crate) struct MotorModel {
-    /// `n k_t = n k_e`, N m/A = V s/rad at the wheel.
-    pub(crate) torque_per_current: f64,
-    pub(crate) per_ohm: f64,
     /// Infinite when unlimited.
     pub(crate) current_limit_a: f64,
     pub(crate) supply_v: f64,
@@ -25,8 +22,6 @@ impl MotorModel {
     pub(crate) fn new(motor: &Motor) -> MotorModel {
         let ki = motor.speed_loop_ki_v_per_rad;
         MotorModel {
-            torque_per_current: motor.gear_ratio * motor.torque_constant_n_m_per_a,
-            per_ohm: 1.0 / motor.resistance_ohm,
             current_limit_a: motor.current_limit_a.unwrap_or(f64::INFINITY),
             supply_v: motor.supply_v,
             kp: motor.speed_loop_kp_v_s_per_rad,
@@ -44,20 +39,18 @@ impl MotorModel {
         (integral, wanted.min(self.supply_v).max(-self.supply_v))
     }
 
-    /// Current, A, at a terminal voltage and wheel speed.
-    #[inline(always)]
-    pub(crate) fn current_a(&self, voltage_v: f64, wheel_rad_per_s: f64) -> f64 {
-        let free = (voltage_v - self.torque_per_current * wheel_rad_per_s) * self.per_ohm;
-        free.min(self.current_limit_a).max(-self.current_limit_a)
+    /// The battery's voltage now.
+    pub(crate) fn set_supply(&mut self, supply_v: f64) {
+        self.supply_v = supply_v;
+        self.integral_limit_rad = if self.ki > 0.0 { supply_v / self.ki } else { 0.0 };
     }
 
-    /// Error integral at which the loop holds `current_a` at `wheel_rad_per_s` with no error, rad.
-    pub(crate) fn settled_integral_rad(&self, current_a: f64, wheel_rad_per_s: f64) -> f64 {
+    /// Error integral at which the loop holds a voltage with no error, rad.
+    pub(crate) fn settled_integral_rad(&self, voltage_v: f64) -> f64 {
         if self.ki <= 0.0 {
             return 0.0;
         }
-        let voltage = current_a / self.per_ohm + self.torque_per_current * wheel_rad_per_s;
-        (voltage / self.ki)
+        (voltage_v / self.ki)
             .min(self.integral_limit_rad)
             .max(-self.integral_limit_rad)
     }

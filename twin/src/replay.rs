@@ -1,11 +1,12 @@
 //! Replays the commands of a run bundle through the twin.
 //!
 //! Starts at rest at the first pose (or from a given state), holds every set-point until the next one, adds no noise
-//! and gives one row per input time stamp.
+//! and gives one row per input time stamp: what the model's sensors report then.
 
 use crate::command::WheelCommand;
+use crate::effect::History;
 use crate::free::{FreeRobot, RobotState, Start};
-use crate::pose::{Pose, wrapped_rad};
+use crate::pose::Pose;
 use crate::robot::Robot;
 use crate::twist::BodyTwist;
 use crate::{MAX_WHEELS, PHYSICS_RATE_HZ};
@@ -104,30 +105,27 @@ pub fn replay_from(
     let mut free = FreeRobot::moving(robot, start);
     let mut held = held;
     let mut next = 0;
-    let mut before = free.state();
-    let mut after = before;
+    let duration_s = rows.last().map_or(0.0, |last| last.time_s - first.time_s);
+    let mut history = History::new(robot.sensors(), duration_s, free.state());
     let mut out = Vec::with_capacity(rows.len());
     for row in rows {
         let elapsed_s = row.time_s - first.time_s;
         let position = elapsed_s * f64::from(PHYSICS_RATE_HZ);
-        while (free.steps() as f64) < position {
+        while (free.steps() as f64) < position + history.ahead_s * f64::from(PHYSICS_RATE_HZ) {
             let now_s = free.steps() as f64 / f64::from(PHYSICS_RATE_HZ);
             while next < rows.len() && rows[next].time_s - first.time_s <= now_s + STAMP_TOLERANCE_S {
                 held.apply(robot, &rows[next]);
                 next += 1;
             }
-            before = after;
             free.step(&held.command());
-            after = free.state();
+            history.push(free.state());
             if !free.is_finite() {
                 return Err(ReplayError::NotFinite { time_s: now_s });
             }
         }
-        let part = 1.0 - (free.steps() as f64 - position);
-        let part = if free.steps() == 0 { 1.0 } else { part };
         out.push(ReplayRow {
             time_s: row.time_s,
-            state: interpolated(&before, &after, part),
+            state: history.measured(robot.sensors(), position),
         });
     }
     Ok(out)
@@ -165,22 +163,4 @@ fn check_rows(rows: &[CommandRow]) -> Result<(), ReplayError> {
         }
     }
     Ok(())
-}
-
-/// The state a part of the way from `a` to `b`; voltages and currents are those of the step.
-fn interpolated(a: &RobotState, b: &RobotState, part: f64) -> RobotState {
-    let mix = |from: f64, to: f64| from + part * (to - from);
-    let mut out = *b;
-    out.pose.x_m = mix(a.pose.x_m, b.pose.x_m);
-    out.pose.y_m = mix(a.pose.y_m, b.pose.y_m);
-    out.pose.yaw_rad = wrapped_rad(a.pose.yaw_rad + part * wrapped_rad(b.pose.yaw_rad - a.pose.yaw_rad));
-    out.twist.forward_m_per_s = mix(a.twist.forward_m_per_s, b.twist.forward_m_per_s);
-    out.twist.left_m_per_s = mix(a.twist.left_m_per_s, b.twist.left_m_per_s);
-    out.twist.yaw_rate_rad_per_s = mix(a.twist.yaw_rate_rad_per_s, b.twist.yaw_rate_rad_per_s);
-    for wheel in 0..MAX_WHEELS {
-        out.wheel_rad_per_s[wheel] = mix(a.wheel_rad_per_s[wheel], b.wheel_rad_per_s[wheel]);
-        out.wheel_rad[wheel] = mix(a.wheel_rad[wheel], b.wheel_rad[wheel]);
-    }
-    out.steering_rad = mix(a.steering_rad, b.steering_rad);
-    out
 }

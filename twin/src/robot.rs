@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::command::WheelCommand;
+use crate::effect::{self, Dynamics, Effect, Runtime, SensorStage};
 use crate::kinematics;
 use crate::model::Model;
 use crate::parameter;
@@ -106,11 +107,16 @@ impl RobotDescription {
     }
 }
 
-/// A validated robot: description plus the constants of its equations.
+/// A validated robot: description, effects and the constants of its equations.
 #[derive(Debug, Clone)]
 pub struct Robot {
     description: RobotDescription,
+    effects: Vec<Effect>,
+    /// The geometry the robot itself works with.
+    nominal: Model,
     model: Model,
+    dynamics: Option<Dynamics>,
+    sensors: Vec<SensorStage>,
 }
 
 impl Robot {
@@ -118,11 +124,37 @@ impl Robot {
     ///
     /// - Errors: the first problem of [`RobotDescription::check`].
     pub fn new(description: RobotDescription) -> Result<Robot, ParameterError> {
+        Robot::with_effects(description, &[])
+    }
+
+    /// Validates a description and the effects of a model; those that are neutral change no bit.
+    ///
+    /// - Errors: the first problem of the description, then of the effects in their order.
+    pub fn with_effects(description: RobotDescription, effects: &[Effect]) -> Result<Robot, ParameterError> {
         if let Some(problem) = description.check().into_iter().next() {
             return Err(problem);
         }
-        let model = Model::new(&description)?;
-        Ok(Robot { description, model })
+        effect::check(&description, effects)?;
+        let active: Vec<Effect> = effects.iter().filter(|effect| !effect.is_neutral()).cloned().collect();
+        let nominal = Model::new(&effect::tracked(&description, &active));
+        let mut model = Model::new(&effect::physical(&description, &active));
+        model.nominal_friction = description.floor_friction;
+        effect::shape(&mut model, &active);
+        let dynamics = Dynamics::new(&model, &active);
+        let sensors = effect::sensor_stages(&active);
+        Ok(Robot {
+            description,
+            effects: effects.to_vec(),
+            nominal,
+            model,
+            dynamics,
+            sensors,
+        })
+    }
+
+    /// The effects of its model, in their order.
+    pub fn effects(&self) -> &[Effect] {
+        &self.effects
     }
 
     /// Name of the robot.
@@ -164,22 +196,22 @@ impl Robot {
 
     /// As [`Robot::wheel_speeds`], keeping `last_steering_rad` when u = 0 leaves the steering angle undefined.
     pub fn wheel_speeds_holding(&self, twist: BodyTwist, last_steering_rad: f64) -> WheelCommand {
-        kinematics::wheel_speeds(&self.model, twist, last_steering_rad)
+        kinematics::wheel_speeds(&self.nominal, twist, last_steering_rad)
     }
 
     /// Body twist of slip-free rolling at these wheel speeds (least squares over driven wheels and lateral constraints).
     pub fn twist_of_wheels(&self, command: &WheelCommand) -> BodyTwist {
-        kinematics::twist_of_wheels(&self.model, command)
+        kinematics::twist_of_wheels(&self.nominal, command)
     }
 
     /// No-load speed of a driven wheel at full supply, friction included, rad/s; infinite without a motor.
     pub fn max_wheel_speed_rad_per_s(&self) -> f64 {
-        self.model.max_wheel_speed_rad_per_s()
+        self.nominal.max_wheel_speed_rad_per_s()
     }
 
     /// Largest steering angle, rad: 0 without steering, the declared limit or 1.5 when unlimited.
     pub fn max_steering_rad(&self) -> f64 {
-        self.model
+        self.nominal
             .steering
             .as_ref()
             .map_or(0.0, |steering| steering.angle_limit_rad)
@@ -187,5 +219,15 @@ impl Robot {
 
     pub(crate) fn model(&self) -> &Model {
         &self.model
+    }
+
+    /// What its effects carry from step to step; none without such effects.
+    pub(crate) fn runtime(&self) -> Option<Runtime> {
+        let dynamics = self.dynamics.as_ref()?;
+        Some(Runtime::new(dynamics, &self.nominal, &self.model))
+    }
+
+    pub(crate) fn sensors(&self) -> &[SensorStage] {
+        &self.sensors
     }
 }

@@ -11,16 +11,18 @@ pub struct RobotState {
     pub pose: Pose,
     pub twist: BodyTwist,
     pub wheel_rad_per_s: [f64; MAX_WHEELS],
-    /// Absolute, not wrapped, zero at the start.
+    /// Absolute, not wrapped, zero at the start; both as the encoders give them.
     pub wheel_rad: [f64; MAX_WHEELS],
     /// Positive drives the wheel along its rolling direction.
     pub current_a: [f64; MAX_WHEELS],
     pub voltage_v: [f64; MAX_WHEELS],
     /// Battery voltage; 0 without a motor description.
     pub bus_v: f64,
-    /// Bicycle angle.
+    /// Bicycle angle, at the servo.
     pub steering_rad: f64,
-    /// Acceleration of the body origin that the contact forces gave in the last physics step, body frame.
+    /// As the gyro gives it.
+    pub gyro_z_rad_per_s: f64,
+    /// Acceleration that all forces but gravity gave the centre of mass in the last physics step, body frame.
     pub accel_x_m_per_s2: f64,
     pub accel_y_m_per_s2: f64,
 }
@@ -54,13 +56,14 @@ pub(crate) struct BodyState {
 }
 
 impl BodyState {
-    pub(crate) fn at_rest(pose: Pose) -> BodyState {
+    pub(crate) fn at_rest(model: &Model, pose: Pose) -> BodyState {
         let zero = [0.0; MAX_WHEELS];
         let yaw_rad = wrapped_rad(pose.yaw_rad);
         let (sin_yaw, cos_yaw) = libm::sincos(yaw_rad);
+        let [com_x_m, com_y_m] = model.com_m;
         BodyState {
-            x_m: pose.x_m,
-            y_m: pose.y_m,
+            x_m: pose.x_m + (com_x_m * cos_yaw - com_y_m * sin_yaw),
+            y_m: pose.y_m + (com_x_m * sin_yaw + com_y_m * cos_yaw),
             yaw_rad,
             cos_yaw,
             sin_yaw,
@@ -76,6 +79,24 @@ impl BodyState {
             current: zero,
             voltage: zero,
         }
+    }
+
+    /// Takes a twist of the body origin.
+    pub(crate) fn set_twist(&mut self, model: &Model, twist: BodyTwist) {
+        let [com_x_m, com_y_m] = model.com_m;
+        self.r = twist.yaw_rate_rad_per_s;
+        self.u = twist.forward_m_per_s - self.r * com_y_m;
+        self.v = twist.left_m_per_s + self.r * com_x_m;
+    }
+
+    /// Position of the body origin.
+    #[inline(always)]
+    pub(crate) fn origin_m(&self, model: &Model) -> (f64, f64) {
+        let [com_x_m, com_y_m] = model.com_m;
+        (
+            self.x_m - (com_x_m * self.cos_yaw - com_y_m * self.sin_yaw),
+            self.y_m - (com_x_m * self.sin_yaw + com_y_m * self.cos_yaw),
+        )
     }
 
     /// Wraps the yaw and recomputes the heading vector from it: once per tick, so that rounding cannot grow.
@@ -111,12 +132,18 @@ impl BodyState {
         at
     }
 
+    /// Numbers in [`BodyState::words`].
+    pub(crate) fn word_count(lanes: usize) -> usize {
+        BODY_WORDS + WHEEL_WORDS * lanes
+    }
+
     /// Inverse of [`BodyState::words`]; `None` when the count does not fit.
-    pub(crate) fn from_words(words: &[f64], lanes: usize) -> Option<BodyState> {
-        if lanes > MAX_WHEELS || words.len() != BODY_WORDS + WHEEL_WORDS * lanes {
+    pub(crate) fn from_words(words: &[f64], model: &Model) -> Option<BodyState> {
+        let lanes = model.lanes;
+        if words.len() != BodyState::word_count(lanes) {
             return None;
         }
-        let mut state = BodyState::at_rest(Pose::default());
+        let mut state = BodyState::at_rest(model, Pose::default());
         let (body, wheels) = words.split_at(BODY_WORDS);
         let fields = [
             &mut state.x_m,
@@ -189,30 +216,33 @@ impl BodyState {
     }
 
     pub(crate) fn view(&self, model: &Model) -> RobotState {
-        let by_wheel = |lanes: &[f64; MAX_WHEELS]| {
+        let by_wheel = |of_lane: &dyn Fn(usize) -> f64| {
             let mut wheels = [0.0; MAX_WHEELS];
             for lane in 0..model.lanes {
-                wheels[model.wheel_of_lane[lane]] = lanes[lane];
+                wheels[model.wheel_of_lane[lane]] = of_lane(lane);
             }
             wheels
         };
+        let (x_m, y_m) = self.origin_m(model);
+        let [com_x_m, com_y_m] = model.com_m;
         RobotState {
             pose: Pose {
-                x_m: self.x_m,
-                y_m: self.y_m,
+                x_m,
+                y_m,
                 yaw_rad: wrapped_rad(self.yaw_rad),
             },
             twist: BodyTwist {
-                forward_m_per_s: self.u,
-                left_m_per_s: self.v,
+                forward_m_per_s: self.u + self.r * com_y_m,
+                left_m_per_s: self.v - self.r * com_x_m,
                 yaw_rate_rad_per_s: self.r,
             },
-            wheel_rad_per_s: by_wheel(&self.wheel),
-            wheel_rad: by_wheel(&self.angle),
-            current_a: by_wheel(&self.current),
-            voltage_v: by_wheel(&self.voltage),
+            wheel_rad_per_s: by_wheel(&|lane| model.encoder_speed(self, lane)),
+            wheel_rad: by_wheel(&|lane| model.encoder[lane] * (self.angle[lane] + model.gear_place_rad[lane])),
+            current_a: by_wheel(&|lane| self.current[lane]),
+            voltage_v: by_wheel(&|lane| self.voltage[lane]),
             bus_v: model.motor.as_ref().map_or(0.0, |motor| motor.supply_v),
             steering_rad: self.steering_rad,
+            gyro_z_rad_per_s: self.r,
             accel_x_m_per_s2: self.accel_x,
             accel_y_m_per_s2: self.accel_y,
         }

@@ -7,6 +7,7 @@ use crate::command::WheelCommand;
 use crate::contact::{self, Sweep};
 pub use crate::digest::Digest;
 use crate::digest::TickHasher;
+use crate::effect::Runtime;
 use crate::free::substep;
 use crate::model::Model;
 use crate::pose::Pose;
@@ -82,6 +83,9 @@ pub struct World {
     names: Vec<String>,
     models: Vec<Model>,
     radii_m: Vec<f64>,
+    /// Around the centre of mass.
+    sweep_radii_m: Vec<f64>,
+    runtimes: Vec<Option<Runtime>>,
     states: Vec<BodyState>,
     tick: u64,
     sweep: Sweep,
@@ -106,7 +110,18 @@ impl World {
             names: robots.iter().map(|(robot, _, _)| robot.name().to_owned()).collect(),
             models: robots.iter().map(|(robot, _, _)| robot.model().clone()).collect(),
             radii_m: robots.iter().map(|(_, _, radius_m)| *radius_m).collect(),
-            states: robots.iter().map(|(_, pose, _)| BodyState::at_rest(*pose)).collect(),
+            sweep_radii_m: robots
+                .iter()
+                .map(|(robot, _, radius_m)| {
+                    let [x, y] = robot.model().com_m;
+                    radius_m + (x * x + y * y).sqrt()
+                })
+                .collect(),
+            runtimes: robots.iter().map(|(robot, _, _)| robot.runtime()).collect(),
+            states: robots
+                .iter()
+                .map(|(robot, pose, _)| BodyState::at_rest(robot.model(), *pose))
+                .collect(),
             tick: 0,
             sweep: Sweep::new(count),
             contacts: Vec::new(),
@@ -135,7 +150,7 @@ impl World {
         self.check_commands(commands)?;
         self.contacts.clear();
         let reach_m = contact::reach_m(&self.models, &self.states);
-        self.sweep.find(&self.arena, &self.states, &self.radii_m, reach_m);
+        self.sweep.find(&self.arena, &self.states, &self.sweep_radii_m, reach_m);
         for state in &mut self.states {
             state.refresh_heading();
         }
@@ -144,19 +159,17 @@ impl World {
                 continue;
             }
             for _ in 0..SUBSTEPS {
-                substep(&self.models[robot], state, &commands[robot]);
+                substep(&self.models[robot], &mut self.runtimes[robot], state, &commands[robot]);
             }
         }
         if !self.sweep.involved.is_empty() {
-            let bodies = (self.models.as_slice(), self.radii_m.as_slice());
-            contact::resolve_tick(
-                &self.arena,
-                bodies,
-                &mut self.states,
-                commands,
-                &self.sweep.involved,
-                &mut self.contacts,
-            );
+            let bodies = contact::Bodies {
+                models: &self.models,
+                radii_m: &self.radii_m,
+                runtimes: &mut self.runtimes,
+                states: &mut self.states,
+            };
+            contact::resolve_tick(&self.arena, bodies, commands, &self.sweep.involved, &mut self.contacts);
         }
         self.tick += 1;
         self.check_states()?;
@@ -198,8 +211,10 @@ impl World {
             state,
         };
         // No NaN is ever shown: a failed robot stands at the origin.
-        for state in self.states.iter_mut().filter(|state| !state.is_finite()) {
-            *state = BodyState::at_rest(Pose::default());
+        for (state, model) in self.states.iter_mut().zip(&self.models) {
+            if !state.is_finite() {
+                *state = BodyState::at_rest(model, Pose::default());
+            }
         }
         self.failure = Some(failure.clone());
         Err(failure)
@@ -207,8 +222,11 @@ impl World {
 
     fn hash_tick(&mut self) {
         self.hasher.begin(self.digest, self.tick);
-        for (state, model) in self.states.iter().zip(&self.models) {
+        for ((state, model), runtime) in self.states.iter().zip(&self.models).zip(&self.runtimes) {
             self.hasher.robot(state, model.lanes);
+            if let Some(runtime) = runtime {
+                self.hasher.numbers(runtime.words());
+            }
         }
         self.digest = self.hasher.finish();
     }
@@ -233,7 +251,10 @@ impl World {
     /// # Panics
     /// If `robot` is not below [`World::robot_count`].
     pub fn state(&self, robot: usize) -> RobotState {
-        self.states[robot].view(&self.models[robot])
+        let model = self.runtimes[robot]
+            .as_ref()
+            .map_or(&self.models[robot], |runtime| &runtime.live);
+        self.states[robot].view(model)
     }
 
     /// Pairs that pushed each other during the last tick, in order.
@@ -246,7 +267,7 @@ impl World {
         let mut smallest: Option<f64> = None;
         for a in 0..self.states.len() {
             for b in a + 1..self.states.len() {
-                let gap_m = gap_m(&self.states[a], &self.states[b], self.radii_m[a] + self.radii_m[b]);
+                let gap_m = gap_m(self.origin_m(a), self.origin_m(b), self.radii_m[a] + self.radii_m[b]);
                 smallest = Some(smallest.map_or(gap_m, |before| before.min(gap_m)));
             }
         }
@@ -255,10 +276,15 @@ impl World {
 
     /// Smallest distance of a bounding circle to a wall, m (negative: beyond it).
     pub fn smallest_wall_distance_m(&self) -> f64 {
-        let distances = self.states.iter().zip(&self.radii_m);
-        distances.fold(f64::INFINITY, |smallest, (state, radius_m)| {
-            smallest.min(wall_distance_m(&self.arena, state.x_m, state.y_m, *radius_m))
+        let distances = self.radii_m.iter().enumerate();
+        distances.fold(f64::INFINITY, |smallest, (robot, radius_m)| {
+            let (x_m, y_m) = self.origin_m(robot);
+            smallest.min(wall_distance_m(&self.arena, x_m, y_m, *radius_m))
         })
+    }
+
+    fn origin_m(&self, robot: usize) -> (f64, f64) {
+        self.states[robot].origin_m(&self.models[robot])
     }
 
     /// Witness of the trace so far; depends on arena, robots, start poses, commands and nothing else.
@@ -268,10 +294,13 @@ impl World {
 
     /// The state after the last tick, exact to the bit.
     pub fn snapshot(&self) -> Snapshot {
-        let robots = self.states.iter().zip(&self.models).map(|(state, model)| {
+        let robots = self.states.iter().zip(&self.models).zip(&self.runtimes);
+        let robots = robots.map(|((state, model), runtime)| {
             let mut words = [0.0; MAX_WORDS];
             let count = state.words(model.lanes, &mut words);
-            encoded(&words[..count])
+            let mut all = words[..count].to_vec();
+            all.extend(runtime.iter().flat_map(Runtime::words));
+            encoded(&all)
         });
         Snapshot {
             twin_version: crate::VERSION.to_owned(),
@@ -299,13 +328,15 @@ impl World {
         }
         let digest = Digest::parse(&snapshot.digest).ok_or_else(|| refused("damaged digest".to_owned()))?;
         let mut states = Vec::with_capacity(self.states.len());
+        let mut runtimes = self.runtimes.clone();
         for (robot, (text, model)) in snapshot.robots.iter().zip(&self.models).enumerate() {
-            let state = decoded(text).and_then(|words| BodyState::from_words(&words, model.lanes));
-            match state {
-                Some(state) if state.is_finite() => states.push(state),
-                _ => return Err(refused(format!("damaged state of robot {robot}"))),
+            let restored = decoded(text).and_then(|words| restored(&words, model, &mut runtimes[robot]));
+            match restored {
+                Some(state) => states.push(state),
+                None => return Err(refused(format!("damaged state of robot {robot}"))),
             }
         }
+        self.runtimes = runtimes;
         self.states = states;
         self.tick = snapshot.tick;
         self.digest = digest;
@@ -315,8 +346,22 @@ impl World {
     }
 }
 
-fn gap_m(a: &BodyState, b: &BodyState, radii_m: f64) -> f64 {
-    let (dx, dy) = (b.x_m - a.x_m, b.y_m - a.y_m);
+/// A robot's state from the numbers of a snapshot; none when they do not fit or are not finite.
+fn restored(words: &[f64], model: &Model, runtime: &mut Option<Runtime>) -> Option<BodyState> {
+    let body = BodyState::word_count(model.lanes);
+    let rest = runtime.as_ref().map_or(0, Runtime::word_count);
+    if words.len() != body + rest || words.iter().any(|word| !word.is_finite()) {
+        return None;
+    }
+    let state = BodyState::from_words(&words[..body], model)?;
+    if let Some(runtime) = runtime {
+        runtime.restore(&words[body..], &state);
+    }
+    Some(state)
+}
+
+fn gap_m(a: (f64, f64), b: (f64, f64), radii_m: f64) -> f64 {
+    let (dx, dy) = (b.0 - a.0, b.1 - a.1);
     (dx * dx + dy * dy).sqrt() - radii_m
 }
 
@@ -386,6 +431,10 @@ fn fingerprint(arena: &Arena, robots: &[(Robot, Pose, f64)]) -> Digest {
     for (robot, _, _) in robots {
         let text = serde_json::to_string(robot.description()).unwrap_or_default();
         bytes.extend_from_slice(text.as_bytes());
+        if !robot.effects().is_empty() {
+            let text = serde_json::to_string(robot.effects()).unwrap_or_default();
+            bytes.extend_from_slice(text.as_bytes());
+        }
     }
     Digest::of_bytes(&bytes)
 }

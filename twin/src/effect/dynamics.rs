@@ -1,0 +1,494 @@
+//! Effects that change from step to step, and the state they carry.
+
+use super::Effect;
+use super::command::CommandStage;
+use crate::command::WheelCommand;
+use crate::model::Model;
+use crate::state::BodyState;
+use crate::{GRAVITY_M_PER_S2, MAX_WHEELS, PHYSICS_PERIOD_S, SLIP_SCALE_M_PER_S};
+
+/// Wheel speed that rounds the sign of spin in [`Law::Asymmetric`], rad/s; that of the dry friction.
+const SPIN_SIGN_RAD_PER_S: f64 = crate::COULOMB_SCALE_RAD_PER_S;
+/// Rate that rounds the sign of a caster's swivelling, rad/s.
+const SWIVEL_SIGN_RAD_PER_S: f64 = 0.5;
+/// Share of the nominal supply that sag and droop leave at least.
+const LEAST_SUPPLY: f64 = 0.5;
+
+/// What an effect list asks of every physics step.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Dynamics {
+    commands: Vec<CommandStage>,
+    laws: Vec<(Law, usize)>,
+    words: usize,
+}
+
+#[derive(Debug, Clone)]
+enum Law {
+    Stribeck {
+        ratio: f64,
+        speed_rad_per_s: f64,
+    },
+    Asymmetric {
+        difference: f64,
+    },
+    Sag {
+        resistance_ohm: f64,
+    },
+    Droop {
+        rate_v_per_s: f64,
+    },
+    Patch {
+        x_m: f64,
+        y_m: f64,
+        radius_m: f64,
+        scale: f64,
+    },
+    Tilt {
+        x_rad: f64,
+        y_rad: f64,
+    },
+    SteeringPlay {
+        half_rad: f64,
+    },
+    RollerDrag {
+        per_wheel_n_s_per_m: f64,
+    },
+    Eccentricity {
+        lane: usize,
+        amplitude: f64,
+        phase_rad: f64,
+    },
+    Grain {
+        force_n: f64,
+        along: [f64; 2],
+    },
+    Cable {
+        stiffness_n_per_m: f64,
+        x_m: f64,
+        y_m: f64,
+        slack_m: f64,
+    },
+    Thermal {
+        relative: f64,
+        share: f64,
+    },
+    RollingResistance {
+        coefficient: f64,
+    },
+    GearPlay {
+        half_rad: f64,
+    },
+    CasterSwivel {
+        trail_m: f64,
+        torque_n_m: f64,
+    },
+}
+
+impl Dynamics {
+    /// `None` when no effect of the list changes from step to step.
+    pub(crate) fn new(model: &Model, effects: &[Effect]) -> Option<Dynamics> {
+        let mut dynamics = Dynamics::default();
+        for effect in effects {
+            if let Some(stage) = CommandStage::new(effect, dynamics.words) {
+                dynamics.words += stage.words();
+                dynamics.commands.push(stage);
+            } else if let Some(law) = Law::new(model, effect) {
+                let at = dynamics.words;
+                dynamics.words += law.words();
+                dynamics.laws.push((law, at));
+            }
+        }
+        let anything = !dynamics.commands.is_empty() || !dynamics.laws.is_empty() || model.tyre.is_some();
+        anything.then_some(dynamics)
+    }
+}
+
+impl Law {
+    fn new(model: &Model, effect: &Effect) -> Option<Law> {
+        let value = |name: &str| effect.value(name);
+        Some(match effect.name.as_str() {
+            "stribeck_friction" => Law::Stribeck {
+                ratio: value("ratio"),
+                speed_rad_per_s: value("speed"),
+            },
+            "asymmetric_friction" => Law::Asymmetric {
+                difference: value("difference"),
+            },
+            "battery_sag" => Law::Sag {
+                resistance_ohm: value("resistance"),
+            },
+            "battery_droop" => Law::Droop {
+                rate_v_per_s: value("rate"),
+            },
+            "low_friction_patch" => Law::Patch {
+                x_m: value("x"),
+                y_m: value("y"),
+                radius_m: value("radius"),
+                scale: value("scale"),
+            },
+            "floor_tilt" => Law::Tilt {
+                x_rad: value("x"),
+                y_rad: value("y"),
+            },
+            "steering_backlash" => Law::SteeringPlay {
+                half_rad: 0.5 * value("play"),
+            },
+            "roller_drag" => Law::RollerDrag {
+                per_wheel_n_s_per_m: value("per_wheel"),
+            },
+            "wheel_eccentricity" => Law::Eccentricity {
+                lane: effect.index.and_then(|index| model.lane_of_wheel(index))?,
+                amplitude: value("amplitude"),
+                phase_rad: value("phase"),
+            },
+            "carpet_grain" => {
+                let (sin, cos) = libm::sincos(value("direction"));
+                Law::Grain {
+                    force_n: value("force"),
+                    along: [cos, sin],
+                }
+            }
+            "cable_drag" => Law::Cable {
+                stiffness_n_per_m: value("stiffness"),
+                x_m: value("x"),
+                y_m: value("y"),
+                slack_m: value("slack"),
+            },
+            "thermal_drift" => Law::Thermal {
+                relative: value("relative"),
+                share: 1.0 - libm::exp(-PHYSICS_PERIOD_S / value("time_constant")),
+            },
+            "rolling_resistance" => Law::RollingResistance {
+                coefficient: value("coefficient"),
+            },
+            "gear_backlash" => Law::GearPlay {
+                half_rad: 0.5 * value("play"),
+            },
+            "caster_swivel" => Law::CasterSwivel {
+                trail_m: value("trail"),
+                torque_n_m: value("torque"),
+            },
+            _ => return None,
+        })
+    }
+
+    /// Numbers that the law remembers.
+    fn words(&self) -> usize {
+        match self {
+            Law::SteeringPlay { .. } => 1,
+            Law::Thermal { .. } | Law::CasterSwivel { .. } => MAX_WHEELS,
+            // Place in the play, and its rate.
+            Law::GearPlay { .. } => 2 * MAX_WHEELS,
+            _ => 0,
+        }
+    }
+}
+
+/// One robot's effects in motion.
+#[derive(Debug, Clone)]
+pub(crate) struct Runtime {
+    dynamics: Dynamics,
+    /// The geometry the robot works with.
+    nominal: Model,
+    /// Constants without the effects of the moment.
+    base: Model,
+    /// Constants of this step.
+    pub(crate) live: Model,
+    memory: Vec<f64>,
+    step: u64,
+}
+
+impl Runtime {
+    pub(crate) fn new(dynamics: &Dynamics, nominal: &Model, base: &Model) -> Runtime {
+        Runtime {
+            dynamics: dynamics.clone(),
+            nominal: nominal.clone(),
+            base: base.clone(),
+            live: base.clone(),
+            memory: vec![0.0; dynamics.words],
+            step: 0,
+        }
+    }
+
+    /// Numbers beyond the body's own that the next step depends on.
+    pub(crate) fn words(&self) -> impl Iterator<Item = f64> + '_ {
+        core::iter::once(self.step as f64).chain(self.memory.iter().copied())
+    }
+
+    pub(crate) fn word_count(&self) -> usize {
+        1 + self.memory.len()
+    }
+
+    /// Inverse of [`Runtime::words`]; `words` must be as many.
+    pub(crate) fn restore(&mut self, words: &[f64], state: &BodyState) {
+        self.step = words[0] as u64;
+        self.memory.copy_from_slice(&words[1..]);
+        self.live = self.base.clone();
+        // What a view shows between steps.
+        self.set_supply(state);
+        for (law, at) in &self.dynamics.laws {
+            if matches!(law, Law::GearPlay { .. }) {
+                let (place, rate) = self.memory[*at..at + law.words()].split_at(MAX_WHEELS);
+                self.live.gear_place_rad.copy_from_slice(place);
+                self.live.gear_rate_rad_per_s.copy_from_slice(rate);
+            }
+        }
+    }
+
+    /// The set-point behind all stages, for this physics step.
+    #[inline(never)]
+    pub(crate) fn commanded(&mut self, command: &WheelCommand) -> WheelCommand {
+        let mut command = *command;
+        for stage in &self.dynamics.commands {
+            command = stage.apply(command, &self.nominal, &mut self.memory, self.step);
+        }
+        command
+    }
+
+    /// Sets the constants of the coming physics step from the state at its start.
+    #[inline(never)]
+    pub(crate) fn prepare(&mut self, state: &BodyState) {
+        let (live, base) = (&mut self.live, &self.base);
+        live.coulomb_n_m = base.coulomb_n_m;
+        live.viscous_n_m_s = base.viscous_n_m_s;
+        live.radius_m = base.radius_m;
+        live.friction = base.friction;
+        live.per_ohm = base.per_ohm;
+        live.powered = base.powered;
+        live.wheel_steering = base.wheel_steering;
+        live.body_force = [0.0; 3];
+        live.gravity_m_per_s2 = [0.0; 2];
+        if let Some(tyre) = &mut live.tyre {
+            for lane in 0..live.lanes {
+                tyre.rolling_m_per_s[lane] = (base.radius_m[lane] * state.wheel[lane]).abs();
+            }
+        }
+        self.set_supply(state);
+        for index in 0..self.dynamics.laws.len() {
+            let (law, at) = self.dynamics.laws[index].clone();
+            self.apply(&law, at, state);
+        }
+        self.step += 1;
+    }
+
+    /// Battery voltage at the currents of the step before.
+    fn set_supply(&mut self, state: &BodyState) {
+        let Some(motor) = &self.base.motor else { return };
+        let nominal_v = motor.supply_v;
+        let least_v = LEAST_SUPPLY * nominal_v;
+        let (mut open_v, mut resistance_ohm) = (nominal_v, 0.0);
+        for (law, _) in &self.dynamics.laws {
+            match law {
+                Law::Droop { rate_v_per_s } => open_v -= rate_v_per_s * self.step as f64 * PHYSICS_PERIOD_S,
+                Law::Sag { resistance_ohm: more } => resistance_ohm += more,
+                _ => {}
+            }
+        }
+        open_v = open_v.max(least_v);
+        let mut supply_v = open_v;
+        if resistance_ohm > 0.0 {
+            let mut power_w = 0.0;
+            for lane in 0..self.base.lanes {
+                power_w += state.voltage[lane] * state.current[lane];
+            }
+            // bus = V0 - R P / bus
+            let root = open_v * open_v - 4.0 * resistance_ohm * power_w;
+            supply_v = (0.5 * (open_v + root.max(0.0).sqrt())).max(least_v);
+        }
+        if let Some(motor) = &mut self.live.motor {
+            motor.set_supply(supply_v);
+        }
+    }
+
+    fn apply(&mut self, law: &Law, at: usize, state: &BodyState) {
+        let live = &mut self.live;
+        let memory = &mut self.memory[at..at + law.words()];
+        match law {
+            Law::Sag { .. } | Law::Droop { .. } => {}
+            Law::Stribeck { ratio, speed_rad_per_s } => {
+                for lane in 0..live.lanes {
+                    let q = state.wheel[lane] / speed_rad_per_s;
+                    live.coulomb_n_m[lane] *= 1.0 + (ratio - 1.0) * libm::exp(-q * q);
+                }
+            }
+            Law::Asymmetric { difference } => {
+                for lane in 0..live.lanes {
+                    let factor = 1.0 + difference * libm::tanh(state.wheel[lane] / SPIN_SIGN_RAD_PER_S);
+                    live.coulomb_n_m[lane] *= factor;
+                    live.viscous_n_m_s[lane] *= factor;
+                }
+            }
+            Law::Patch {
+                x_m,
+                y_m,
+                radius_m,
+                scale,
+            } => {
+                for lane in 0..live.lanes {
+                    let [wheel_x, wheel_y] = world_point(state, live.x_m[lane], live.y_m[lane]);
+                    let (dx, dy) = (wheel_x - x_m, wheel_y - y_m);
+                    if dx * dx + dy * dy < radius_m * radius_m {
+                        live.friction[lane] *= scale;
+                    }
+                }
+            }
+            Law::Tilt { x_rad, y_rad } => {
+                let [x, y] = body_vector(state, GRAVITY_M_PER_S2 * x_rad, GRAVITY_M_PER_S2 * y_rad);
+                live.gravity_m_per_s2[0] += x;
+                live.gravity_m_per_s2[1] += y;
+                live.body_force[0] += live.mass_kg * x;
+                live.body_force[1] += live.mass_kg * y;
+            }
+            Law::SteeringPlay { half_rad } => {
+                // The wheels' angle before offset and scale: dragged along at the ends of the play.
+                memory[0] = memory[0]
+                    .max(state.steering_rad - half_rad)
+                    .min(state.steering_rad + half_rad);
+                live.wheel_steering.shift_rad += memory[0] - state.steering_rad;
+            }
+            Law::RollerDrag { per_wheel_n_s_per_m } => {
+                for lane in (0..live.lanes).filter(|lane| live.omni[*lane]) {
+                    let (cos, sin) = (live.geometry.cos[lane], live.geometry.sin[lane]);
+                    let arm = live.geometry.arm_across_m[lane];
+                    let across = cos * state.v - sin * state.u + arm * state.r;
+                    let force = -per_wheel_n_s_per_m * across;
+                    live.body_force[0] += -sin * force;
+                    live.body_force[1] += cos * force;
+                    live.body_force[2] += arm * force;
+                }
+            }
+            Law::Eccentricity {
+                lane,
+                amplitude,
+                phase_rad,
+            } => {
+                let angle = state.angle[*lane] * live.encoder[*lane];
+                live.radius_m[*lane] *= 1.0 + amplitude * libm::sin(angle + phase_rad);
+            }
+            Law::Grain { force_n, along } => {
+                let [x, y] = world_vector(state, state.u, state.v);
+                let speed = x * along[0] + y * along[1];
+                let force = -force_n * libm::tanh(speed / SLIP_SCALE_M_PER_S);
+                let [x, y] = body_vector(state, force * along[0], force * along[1]);
+                live.body_force[0] += x;
+                live.body_force[1] += y;
+            }
+            Law::Cable {
+                stiffness_n_per_m,
+                x_m,
+                y_m,
+                slack_m,
+            } => {
+                // Fastened at the body origin.
+                let [origin_x, origin_y] = world_point(state, -live.com_m[0], -live.com_m[1]);
+                let (dx, dy) = (x_m - origin_x, y_m - origin_y);
+                let distance = (dx * dx + dy * dy).sqrt();
+                let pull = stiffness_n_per_m * (distance - slack_m).max(0.0);
+                if distance > 0.0 && pull > 0.0 {
+                    let [x, y] = body_vector(state, pull * dx / distance, pull * dy / distance);
+                    live.body_force[0] += x;
+                    live.body_force[1] += y;
+                    live.body_force[2] += live.com_m[1] * x - live.com_m[0] * y;
+                }
+            }
+            Law::Thermal { relative, share } => {
+                let stall = |lane: usize| {
+                    live.motor.as_ref().map_or(1.0, |motor| {
+                        motor.current_limit_a.min(motor.supply_v * self.base.per_ohm[lane])
+                    })
+                };
+                for lane in 0..live.lanes {
+                    let load = state.current[lane] / stall(lane);
+                    memory[lane] += share * (load * load - memory[lane]);
+                }
+                for (lane, heat) in memory.iter().enumerate() {
+                    live.per_ohm[lane] /= 1.0 + relative * heat;
+                }
+            }
+            Law::RollingResistance { coefficient } => {
+                let loads = live.load.loads_n(state.accel_x, state.accel_y);
+                for lane in 0..live.lanes {
+                    live.coulomb_n_m[lane] += coefficient * loads[lane] * live.radius_m[lane];
+                }
+                for caster in live.lanes..live.load.count() {
+                    let (x, y) = (live.x_m[caster], live.y_m[caster]);
+                    let (vx, vy) = (state.u - state.r * y, state.v + state.r * x);
+                    let speed = (vx * vx + vy * vy).sqrt();
+                    let drag = coefficient * loads[caster] * libm::tanh(speed / SLIP_SCALE_M_PER_S);
+                    if speed > 0.0 {
+                        add_force(live, x, y, [-drag * vx / speed, -drag * vy / speed]);
+                    }
+                }
+            }
+            Law::GearPlay { half_rad } => gear_play(live, memory, *half_rad, state),
+            Law::CasterSwivel { trail_m, torque_n_m } => {
+                for caster in live.lanes..live.load.count() {
+                    let (x, y) = (live.x_m[caster], live.y_m[caster]);
+                    let (vx, vy) = (state.u - state.r * y, state.v + state.r * x);
+                    // Heading of the wheel from its pivot's motion: trail d(phi)/dt = v across the wheel.
+                    let heading = memory[caster];
+                    let (sin, cos) = libm::sincos(heading);
+                    let across = vy * cos - vx * sin;
+                    let rate = across / trail_m - state.r;
+                    memory[caster] = heading
+                        + PHYSICS_PERIOD_S * rate / (1.0 + PHYSICS_PERIOD_S * (vx * cos + vy * sin).abs() / trail_m);
+                    // The axis is turned by the floor's side force over the trail, and passes its friction to the body.
+                    let friction = torque_n_m * libm::tanh(rate / SWIVEL_SIGN_RAD_PER_S);
+                    let side = -friction / trail_m;
+                    add_force(live, x, y, [-sin * side, cos * side]);
+                    live.body_force[2] += friction;
+                }
+            }
+        }
+    }
+}
+
+/// Crossing the play: the motor runs free of the wheel at the speed its voltage asks for, and passes no torque.
+fn gear_play(live: &mut Model, memory: &mut [f64], half_rad: f64, state: &BodyState) {
+    let (place, rate) = memory.split_at_mut(MAX_WHEELS);
+    for lane in 0..live.lanes {
+        if live.powered[lane] == 0.0 {
+            continue;
+        }
+        let motor_speed = state.voltage[lane] / live.torque_per_current[lane];
+        let free_rate = motor_speed - state.wheel[lane];
+        // The side that pushes: that of the torque the motor would give. No torque for the share of the step that it
+        // takes to get there.
+        let most = free_rate.abs() * PHYSICS_PERIOD_S;
+        let gap = half_rad.copysign(free_rate) - place[lane];
+        let moved = if most > 0.0 { gap.min(most).max(-most) } else { 0.0 };
+        if most > 0.0 {
+            live.powered[lane] = (1.0 - gap.abs() / most).max(0.0);
+        }
+        place[lane] += moved;
+        rate[lane] = moved / PHYSICS_PERIOD_S;
+        live.gear_place_rad[lane] = place[lane];
+        live.gear_rate_rad_per_s[lane] = rate[lane];
+    }
+}
+
+fn add_force(live: &mut Model, x_m: f64, y_m: f64, force: [f64; 2]) {
+    live.body_force[0] += force[0];
+    live.body_force[1] += force[1];
+    live.body_force[2] += x_m * force[1] - y_m * force[0];
+}
+
+fn world_vector(state: &BodyState, x: f64, y: f64) -> [f64; 2] {
+    [
+        state.cos_yaw * x - state.sin_yaw * y,
+        state.sin_yaw * x + state.cos_yaw * y,
+    ]
+}
+
+fn body_vector(state: &BodyState, x: f64, y: f64) -> [f64; 2] {
+    [
+        state.cos_yaw * x + state.sin_yaw * y,
+        state.cos_yaw * y - state.sin_yaw * x,
+    ]
+}
+
+/// A point given from the centre of mass in body axes.
+fn world_point(state: &BodyState, x_m: f64, y_m: f64) -> [f64; 2] {
+    let [x, y] = world_vector(state, x_m, y_m);
+    [state.x_m + x, state.y_m + y]
+}
