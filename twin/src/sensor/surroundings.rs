@@ -174,6 +174,15 @@ mod tests {
     }
 
     #[test]
+    fn a_ray_past_a_corner_meets_nothing() {
+        let corner_m = core::f64::consts::FRAC_1_SQRT_2;
+        let turned = square(FRAC_PI_4);
+        assert!(to_box(turned, ray(0.0, corner_m - 1e-9, 0.0)).is_finite());
+        assert_eq!(to_box(turned, ray(0.0, corner_m + 1e-9, 0.0)), f64::INFINITY);
+        assert_eq!(to_box(turned, ray(0.0, -corner_m - 1e-9, 0.0)), f64::INFINITY);
+    }
+
+    #[test]
     fn a_box_beside_or_behind_is_not_met() {
         assert_eq!(to_box(square(0.0), ray(0.0, 0.501, 0.0)), f64::INFINITY);
         assert_eq!(to_box(square(0.0), ray(0.0, 0.0, core::f64::consts::PI)), f64::INFINITY);
