@@ -22,6 +22,7 @@ pub mod parameter;
 pub mod pose;
 pub mod replay;
 pub mod robot;
+pub mod sensor;
 pub mod snapshot;
 mod state;
 mod steering;
