@@ -18,6 +18,7 @@ mod load;
 pub mod math;
 mod model;
 mod motor;
+pub mod pairing;
 pub mod parameter;
 pub mod pose;
 pub mod replay;
