@@ -214,7 +214,7 @@ fn body_forces() {
     diagonal.wheel_rad_per_s[..4].copy_from_slice(&[0.0, -8.0, 0.0, 8.0]);
     let dragged = end(omni4(), &one("roller_drag", "per_wheel", 6.0), diagonal);
     assert!(dragged.current_a[3] > end(omni4(), &[], diagonal).current_a[3] + 0.1);
-    // A mass ahead of the axle is carried round by it: the same turn needs a push to the left at the wheels.
+    // A mass ahead of the axle is carried round by it: its acceleration gains r^2 x backwards.
     let ahead = [Effect::new("center_of_mass_offset", &[("x", 0.05)])];
     let turning = drive(diff2(), &ahead, both(6.0, 8.0))[200].state;
     let centred = drive(diff2(), &[], both(6.0, 8.0))[200].state;
