@@ -3,6 +3,7 @@
 mod support;
 
 use proptest::prelude::{ProptestConfig, prop, prop_assert, proptest};
+use proptest::test_runner::RngSeed;
 use support::drive::{assert_close, rolling, run, torque_free, twist};
 use support::{all, robot};
 use twin::PHYSICS_PERIOD_S;
@@ -90,7 +91,7 @@ fn motors_pay_for_the_kinetic_energy() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 60, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 200, rng_seed: RngSeed::Fixed(7), failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn energy_never_rises_without_motor_torque(
@@ -108,8 +109,8 @@ proptest! {
         }
         let mut start = rolling(&description, twist(u, v, r));
         if spinning == 1 {
-            for (index, wheel) in description.wheels.iter().enumerate().filter(|(_, wheel)| wheel.kind != "caster") {
-                start.wheel_rad_per_s[index] += spins[index] * f64::from(u8::from(wheel.radius_m.is_some()));
+            for (index, _) in description.wheels.iter().enumerate().filter(|(_, wheel)| wheel.kind != "caster") {
+                start.wheel_rad_per_s[index] += spins[index];
             }
         }
         start.steering_rad = steering[0];
