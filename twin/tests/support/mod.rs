@@ -1,6 +1,8 @@
 //! Robots that the tests drive.
 #![allow(dead_code)]
 
+pub mod drive;
+
 use twin::command::WheelCommand;
 use twin::robot::{Motor, Robot, RobotDescription, Steering, Wheel};
 
