@@ -17,6 +17,7 @@ mod linear;
 mod load;
 pub mod math;
 mod model;
+pub mod model_document;
 mod motor;
 pub mod pairing;
 pub mod parameter;

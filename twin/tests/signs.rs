@@ -219,9 +219,10 @@ fn body_forces() {
     let turning = drive(diff2(), &ahead, both(6.0, 8.0))[200].state;
     let centred = drive(diff2(), &[], both(6.0, 8.0))[200].state;
     let inward = turning.accel_x_m_per_s2 - centred.accel_x_m_per_s2;
+    let expected = -0.05 * turning.gyro_z_rad_per_s * turning.gyro_z_rad_per_s;
     assert!(
-        inward < -0.01,
-        "the mass is pulled back towards the turning centre: {inward}"
+        (inward / expected - 1.0).abs() < 0.02,
+        "towards the turning centre: {inward}, {expected}"
     );
 }
 
