@@ -32,6 +32,21 @@ fn refused(base: &str, pointer: &str, value: Value, field: &str) {
 }
 
 #[test]
+fn a_controller_that_cannot_drive_the_chassis_is_refused_with_the_budget() {
+    let mut document = example("rectangle-omni4");
+    document["experiment"]["robots"][0]["controller"] = json!("mega2560");
+    document["robots"][0]["controller"] = json!("mega2560");
+    let found = problems(&document);
+    let problem = &found[0];
+    assert_eq!(problem.field, "laboratory.robots[0].controller", "{found:#?}");
+    assert!(problem.message.contains("cycles"), "{problem:?}");
+    assert!(
+        problem.limit.contains("mega2560") && problem.remedy.contains("sam3x"),
+        "{problem:?}"
+    );
+}
+
+#[test]
 fn each_rule_names_its_field() {
     let one = "rectangle-omni4";
     let four = "swap-corners";

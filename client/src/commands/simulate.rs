@@ -5,15 +5,19 @@ use anyhow::{Context, ensure};
 use identify::bundle::Bundle;
 use identify::channel::Channel;
 use std::path::{Path, PathBuf};
+use twin::model_document::{ModelDocument, ModelError};
 use twin::pose::{Pose, wrapped_rad};
 use twin::replay::{CommandRow, ReplayRow};
-use twin::robot::{Robot, RobotDescription};
+use twin::robot::Robot;
 
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// Robot description; the bundle's own when absent
+    /// Robot description; the model's, else the bundle's own when absent
     #[arg(long)]
     robot: Option<PathBuf>,
+    /// Model version (robopheus.model/1) whose effects act on the robot; the nominal twin when absent
+    #[arg(long)]
+    model: Option<PathBuf>,
     /// Run bundle whose commands are replayed: a folder with run.json and telemetry.csv
     #[arg(long)]
     commands: PathBuf,
@@ -35,14 +39,7 @@ pub fn run(arguments: &Arguments, output: &Output) -> anyhow::Result<()> {
     let table = arguments.commands.join("telemetry.csv");
     let csv = std::fs::read(&table).with_context(|| format!("cannot read {}", table.display()))?;
     let bundle = Bundle::parse(&run_text, &csv).with_context(|| format!("{}", arguments.commands.display()))?;
-    let robot = match &arguments.robot {
-        None => bundle.robot.clone(),
-        Some(path) => {
-            let description: RobotDescription =
-                serde_json::from_str(&read_text(path)?).with_context(|| format!("{}", path.display()))?;
-            Robot::new(description).with_context(|| format!("{}", path.display()))?
-        }
-    };
+    let robot = robot(arguments, &bundle)?;
     let commands = bundle.command_rows();
     let rows = twin::replay::replay(&robot, first_pose(&bundle)?, &commands)
         .with_context(|| format!("{}", arguments.commands.display()))?;
@@ -65,6 +62,24 @@ pub fn run(arguments: &Arguments, output: &Output) -> anyhow::Result<()> {
     output.result(&summary, || {
         format!("{}: {} rows, {duration_s:.2} s", arguments.out.display(), rows.len())
     })
+}
+
+/// Description from the most particular source, effects from the model.
+fn robot(arguments: &Arguments, bundle: &Bundle) -> anyhow::Result<Robot> {
+    let model = match &arguments.model {
+        None => None,
+        Some(path) => Some(ModelDocument::parse(&read_text(path)?).with_context(|| format!("{}", path.display()))?),
+    };
+    if model.as_ref().is_some_and(|model| model.residual.is_some()) {
+        return Err(ModelError::Residual.into());
+    }
+    let description = match (&arguments.robot, &model) {
+        (Some(path), _) => serde_json::from_str(&read_text(path)?).with_context(|| format!("{}", path.display()))?,
+        (None, Some(model)) => model.robot.clone(),
+        (None, None) => bundle.robot.description().clone(),
+    };
+    let effects = model.map(|model| model.effects).unwrap_or_default();
+    Ok(Robot::with_effects(description, &effects)?)
 }
 
 fn read_text(path: &Path) -> anyhow::Result<String> {
@@ -150,7 +165,15 @@ impl Columns {
             names.extend(self.driven.iter().map(|k| format!("current_{k}_a")));
             names.push("bus_v".to_owned());
         }
-        names.extend(["gyro_z_rad_per_s", "pose_x_m", "pose_y_m", "pose_yaw_rad"].map(str::to_owned));
+        let rest = [
+            "gyro_z_rad_per_s",
+            "accel_x_m_per_s2",
+            "accel_y_m_per_s2",
+            "pose_x_m",
+            "pose_y_m",
+            "pose_yaw_rad",
+        ];
+        names.extend(rest.map(str::to_owned));
         names
     }
 
@@ -177,7 +200,8 @@ impl Columns {
             cells.push(state.bus_v.to_string());
         }
         let pose = state.pose;
-        cells.push(state.twist.yaw_rate_rad_per_s.to_string());
+        let inertial = [state.gyro_z_rad_per_s, state.accel_x_m_per_s2, state.accel_y_m_per_s2];
+        cells.extend(inertial.map(|number| number.to_string()));
         cells.extend([pose.x_m, pose.y_m, wrapped_rad(pose.yaw_rad)].map(|number| number.to_string()));
         cells
     }

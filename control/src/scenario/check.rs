@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 
+use twin::pairing::{self, ControllerKind, Pairing, SensorKind};
 use twin::robot::Robot;
 
 use super::{
@@ -13,6 +14,14 @@ use crate::vector::{length, sub};
 
 const CHASSIS: [&str; 6] = ["omni4", "diff2", "diff4", "fwd", "rwd", "awd"];
 const CONTROLLERS: [&str; 3] = ["mega2560", "sam3x", "tx2"];
+/// What every robot of a laboratory sends.
+const LINK_SENSORS: [SensorKind; 5] = [
+    SensorKind::Encoder,
+    SensorKind::Current,
+    SensorKind::BusVoltage,
+    SensorKind::Gyro,
+    SensorKind::Accelerometer,
+];
 const MAX_NAME_CHARACTERS: usize = 64;
 /// Smallest and largest side of an arena.
 const ARENA_SIDE_M: std::ops::RangeInclusive<f64> = 0.5..=200.0;
@@ -243,6 +252,28 @@ fn check_lab_robot(scenario: &Scenario, i: usize, at: &str, problems: &mut Probl
     if let Err(error) = Robot::new(known.description.clone()) {
         let field = format!("laboratory.robots[{i}].description.{}", error.field);
         problems.add(field, error.message, error.limit, error.remedy);
+    }
+    check_pairing(known, i, problems);
+}
+
+/// The robot's controller must be able to drive its chassis and to read what the link carries.
+fn check_pairing(known: &ScenarioRobot, i: usize, problems: &mut Problems) {
+    let Some(controller) = ControllerKind::from_name(&known.controller) else {
+        return;
+    };
+    let pair = Pairing {
+        controller,
+        sensors: LINK_SENSORS.to_vec(),
+        robot: known.description.clone(),
+    };
+    for problem in pairing::check(&pair).err().unwrap_or_default() {
+        let unit = problem.budget.unit();
+        problems.add(
+            format!("laboratory.robots[{i}].controller"),
+            format!("{} needs {} {unit}", problem.subject, problem.needed),
+            format!("{} {unit} on {}", problem.available, problem.controller),
+            &problem.remedy,
+        );
     }
 }
 
