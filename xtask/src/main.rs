@@ -60,7 +60,7 @@ enum Verb {
     Bench,
     /// The paper's experiments from the command line
     Demo,
-    /// Pictures of the dashboard
+    /// One page with what each chassis and each effect does, in target/gallery.html
     Gallery,
     /// Blind identification bench
     Blind,
@@ -82,7 +82,7 @@ fn main() -> ExitCode {
             "demo",
             "the paper's experiments A, B, C have no command-line tables yet",
         )),
-        Verb::Gallery => Ok(not_yet("gallery", "no pictures of the dashboard are taken yet")),
+        Verb::Gallery => gallery(),
         Verb::Blind => Ok(not_yet("blind", "the blind identification bench is not built yet")),
     };
     match end {
@@ -92,6 +92,23 @@ fn main() -> ExitCode {
             ExitCode::from(End::Failed as u8)
         }
     }
+}
+
+/// Draws the twin's page.
+fn gallery() -> anyhow::Result<End> {
+    let page = paths::root().join("target/gallery.html");
+    let mut draw = run::cargo([
+        "run",
+        "--quiet",
+        "--locked",
+        "--package",
+        "twin",
+        "--example",
+        "gallery",
+        "--",
+    ]);
+    run::succeed(draw.arg(&page))?;
+    Ok(End::Good)
 }
 
 /// Says in one sentence that a verb has nothing to do yet.
