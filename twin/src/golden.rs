@@ -20,23 +20,23 @@ pub struct Golden {
 pub const TABLE: [Golden; 5] = [
     Golden {
         name: "omni4-alone",
-        digest: "8290de1bb14fdf46d75d129240146261",
+        digest: "030ae827f04bd8a329a86592c1ecd3df",
     },
     Golden {
         name: "diff2-alone",
-        digest: "3b292fd613854de59ca9e8b059b39821",
+        digest: "8d484674b1d559b6fc18a66c6f5ebca5",
     },
     Golden {
         name: "awd-slippery",
-        digest: "c837a70bf61ae64815811e70e89d926f",
+        digest: "a1c64de28c5808672673a70ae5c6de46",
     },
     Golden {
         name: "head-on",
-        digest: "18031a54a9bc89ba9b30fa0bd1ad1d83",
+        digest: "b34434bb9c503f8c097a753a8176a32c",
     },
     Golden {
         name: "pile-up",
-        digest: "cd23e42c7517b352c7f227b352e4986e",
+        digest: "a99d0ce6a8cd7da3acd6ad1e556a3879",
     },
 ];
 

@@ -31,9 +31,9 @@ const MAX_ITERATIONS: u32 = 40;
 /// Parts of a physics step at the finest.
 const FINEST: u32 = 64;
 /// Allowed change of the body's derivative over a part, times gamma h; the error itself is a small part of it, m/s.
-const BODY_TOLERANCE_M_PER_S: f64 = 2e-5;
+const BODY_TOLERANCE_M_PER_S: f64 = 2e-4;
 /// The same for the rim of a wheel, m/s.
-const RIM_TOLERANCE_M_PER_S: f64 = 5e-3;
+const RIM_TOLERANCE_M_PER_S: f64 = 3e-2;
 /// Square of the smallest scaled slip, so that tanh(q)/q needs no case.
 const TINY: f64 = 1e-30;
 

