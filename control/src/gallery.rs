@@ -3,6 +3,8 @@
 //! Each scenario drives robots without law and without safety filter: constant body twists straight into the twin's
 //! world, so that robots run into each other and into walls, which an experiment could never do.
 
+use std::collections::BTreeMap;
+
 use twin::twist::BodyTwist;
 
 use crate::law::PUSH;
@@ -46,6 +48,20 @@ pub fn digest_scenarios() -> Vec<(String, String)> {
         let text = scenario_json(&name, 4.0, &crowd_rows(crowd));
         all.push((name, text));
     }
+    all
+}
+
+/// Digests of all gallery scenarios and of every effect on every chassis, by name.
+pub fn digests() -> BTreeMap<String, String> {
+    let mut all: BTreeMap<String, String> = digest_scenarios()
+        .into_iter()
+        .map(|(name, text)| {
+            let digest = run(&text).map_or(String::new(), |trace| trace.digest);
+            (name, digest)
+        })
+        .collect();
+    // A trace that fails here fails natively too, and then the names differ.
+    all.extend(twin::golden::effect_digests().unwrap_or_default());
     all
 }
 

@@ -2,8 +2,13 @@
 //!
 //! [`TABLE`] changes only together with [`crate::VERSION`].
 
+mod effects;
+
+pub use effects::effect_digests;
+
 use crate::command::WheelCommand;
 use crate::pose::Pose;
+use crate::replay::ReplayError;
 use crate::robot::{Motor, ParameterError, Robot, RobotDescription, Steering, Wheel};
 use crate::twist::BodyTwist;
 use crate::world::{Arena, Digest, World, WorldError};
@@ -49,7 +54,11 @@ pub enum GoldenError {
     Robot(#[from] ParameterError),
     #[error(transparent)]
     World(#[from] WorldError),
+    #[error(transparent)]
+    Replay(#[from] ReplayError),
 }
+
+const CHASSIS: [&str; 6] = crate::parameter::CHASSIS;
 
 /// Ticks of every scenario.
 pub const TICKS: u64 = 600;
