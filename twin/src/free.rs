@@ -66,6 +66,14 @@ impl FreeRobot {
         free
     }
 
+    /// Lets the effects of commands (delay, lag, slew) remember that `command` has been in force for long.
+    pub fn after_holding(mut self, command: &WheelCommand) -> FreeRobot {
+        if let Some(runtime) = &mut self.runtime {
+            runtime.prime(command);
+        }
+        self
+    }
+
     /// Integrates every 480 Hz sample of the speed loops in `refinement` equal steps (1 in the world). For convergence tests.
     pub fn with_refinement(mut self, refinement: u32) -> FreeRobot {
         self.refinement = refinement.max(1);

@@ -88,7 +88,7 @@ pub fn replay(robot: &Robot, first_pose: Pose, rows: &[CommandRow]) -> Result<Ve
     replay_from(robot, &start, HeldCommand::default(), rows)
 }
 
-/// Replays rows from a state in motion and the set-points then in force. The first row's time is the start.
+/// Replays rows from a state in motion and the set-points then in force, taken as in force for long. The first row's time is the start.
 ///
 /// - Rows between two physics steps are interpolated linearly.
 /// - Errors: time that does not grow, numbers that are not finite, more than [`MAX_DURATION_S`].
@@ -102,7 +102,7 @@ pub fn replay_from(
     let Some(first) = rows.first() else {
         return Ok(Vec::new());
     };
-    let mut free = FreeRobot::moving(robot, start);
+    let mut free = FreeRobot::moving(robot, start).after_holding(&held.command());
     let mut held = held;
     let mut next = 0;
     let duration_s = rows.last().map_or(0.0, |last| last.time_s - first.time_s);

@@ -8,8 +8,9 @@ use support::{car, diff2, omni4};
 use twin::command::WheelCommand;
 use twin::effect::Effect;
 use twin::effect::library::{EffectEntry, LIBRARY, Needs};
+use twin::free::Start;
 use twin::pose::Pose;
-use twin::replay::{CommandRow, ReplayRow, replay};
+use twin::replay::{CommandRow, HeldCommand, ReplayRow, replay, replay_from};
 use twin::robot::{Robot, RobotDescription};
 use twin::twist::BodyTwist;
 use twin::world::{Arena, RobotState, World};
@@ -57,7 +58,7 @@ fn excitation(robot: &RobotDescription, manoeuvre: &str) -> Vec<CommandRow> {
                 "mixed" => mixed(t),
                 "steady" => (1.6 * sign(t % 5.0 < 2.5) * if t < 10.0 { 1.0 } else { 0.5 }, 0.0, 0.0),
                 "slow" => (0.05 * (2.0 * t).sin(), 0.0, 0.03 * (3.0 * t).cos()),
-                "bursts" => (2.0 * sign((t * 1.5) as u32 % 2 == 0), 0.0, 0.0),
+                "bursts" => (2.0 * sign(((t * 1.5) as u32).is_multiple_of(2)), 0.0, 0.0),
                 _ => (0.7 * (0.7 * t).cos(), 0.6 * (0.9 * t).sin(), 2.5 * (0.4 * t).sin()),
             };
             let u = if steered && u == 0.0 { 0.4 } else { u };
@@ -82,7 +83,15 @@ fn mixed(t: f64) -> (f64, f64, f64) {
         3 => (0.0, 0.5, 1.5),
         4 => (0.5, 0.0, 1.5 * (3.0 * t).sin()),
         5 => (-0.3, -0.4, -2.0),
-        6 => (if (t * 4.0) as u32 % 2 == 0 { 1.2 } else { -1.2 }, 0.0, 0.0),
+        6 => (
+            if ((t * 4.0) as u32).is_multiple_of(2) {
+                1.2
+            } else {
+                -1.2
+            },
+            0.0,
+            0.0,
+        ),
         7 => (0.7, 0.3, 1.2),
         8 => (0.1, 0.0, -0.4),
         _ => (0.0, 0.0, 0.0),
@@ -286,4 +295,37 @@ fn bad_effects_are_refused_with_field_and_limit() {
         refused(Effect::new("steering_lag", &[("time_constant", 0.1)])).field,
         "effects[0].name"
     );
+}
+
+#[test]
+fn a_start_in_motion_remembers_the_set_point_in_force() {
+    let robot = diff2();
+    let mut cruise = WheelCommand::default();
+    cruise.wheel_rad_per_s[..2].fill(8.0);
+    for effect in [
+        Effect::new("command_delay", &[("delay", 0.2)]),
+        Effect::new("motor_lag", &[("time_constant", 0.2)]),
+        Effect::new("acceleration_limit", &[("limit", 1.0)]),
+        Effect::new("command_hold", &[("loss_rate", 0.5), ("burst", 0.1)]),
+    ] {
+        let robot = Robot::with_effects(robot.clone(), std::slice::from_ref(&effect)).expect("effects");
+        let rows: Vec<CommandRow> = (0..240).map(|tick| row(f64::from(tick) / 120.0, &cruise)).collect();
+        let settled = replay(&robot, Pose::default(), &rows).expect("finite")[239].state;
+        let start = Start {
+            pose: settled.pose,
+            twist: settled.twist,
+            wheel_rad_per_s: settled.wheel_rad_per_s,
+            current_a: settled.current_a,
+            steering_rad: 0.0,
+        };
+        let mut held = HeldCommand::default();
+        held.apply(&robot, &rows[0]);
+        let on = replay_from(&robot, &start, held, &rows[..60]).expect("finite")[59].state;
+        let speed = on.twist.forward_m_per_s / settled.twist.forward_m_per_s;
+        assert!(
+            (speed - 1.0).abs() < 0.01,
+            "{}: it drives on at the same speed, {speed}",
+            effect.name
+        );
+    }
 }

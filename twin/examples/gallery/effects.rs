@@ -46,6 +46,15 @@ pub fn section(html: &mut String) -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
+/// The pair of traces that shows an effect best.
+struct Shown {
+    strength: f64,
+    manoeuvre: &'static str,
+    channel: &'static Channel,
+    plain: Vec<ReplayRow>,
+    changed: Vec<ReplayRow>,
+}
+
 fn card(html: &mut String, entry: &EffectEntry) -> Result<(), Box<dyn std::error::Error>> {
     let chassis = match entry.needs {
         Needs::Steering | Needs::StandardWheel => "rwd",
@@ -54,7 +63,7 @@ fn card(html: &mut String, entry: &EffectEntry) -> Result<(), Box<dyn std::error
     };
     let robot = reference(chassis)?;
     let effect = large(entry, &robot);
-    let mut best: Option<(f64, &str, &Channel, Vec<ReplayRow>, Vec<ReplayRow>)> = None;
+    let mut best: Option<Shown> = None;
     for name in manoeuvre::FOR_EFFECTS {
         let plain = manoeuvre::run(&robot, &[], name)?;
         let changed = manoeuvre::run(&robot, std::slice::from_ref(&effect), name)?;
@@ -63,12 +72,25 @@ fn card(html: &mut String, entry: &EffectEntry) -> Result<(), Box<dyn std::error
                 let change = (channel.3)(&a.state, 0) - (channel.3)(&b.state, 0);
                 sum + (change / channel.2).powi(2)
             });
-            if best.as_ref().is_none_or(|best| strength > best.0) {
-                best = Some((strength, name, channel, plain.clone(), changed.clone()));
+            if best.as_ref().is_none_or(|best| strength > best.strength) {
+                best = Some(Shown {
+                    strength,
+                    manoeuvre: name,
+                    channel,
+                    plain: plain.clone(),
+                    changed: changed.clone(),
+                });
             }
         }
     }
-    let Some((_, name, channel, plain, changed)) = best else {
+    let Some(Shown {
+        manoeuvre: name,
+        channel,
+        plain,
+        changed,
+        ..
+    }) = best
+    else {
         return Ok(());
     };
     let largest = (0..plain.len()).fold(0, |at, k| {

@@ -30,7 +30,7 @@ fn twist(robot: &RobotDescription, name: &str, t: f64) -> (f64, f64, f64) {
         "straight" => (if t < 4.0 { 0.5 } else { 0.0 }, 0.0, 0.0),
         "circle" => (0.5, 0.0, 0.8),
         "slalom" => (0.5, 0.0, 1.4 * (1.5 * t).sin()),
-        "bursts" => (1.8 * sign((t * 1.5) as u32 % 2 == 0), 0.0, 0.0),
+        "bursts" => (1.8 * sign(((t * 1.5) as u32).is_multiple_of(2)), 0.0, 0.0),
         "slow" => (
             0.08 * (1.5 * t).sin(),
             0.0,

@@ -94,6 +94,13 @@ impl CommandStage {
         }
     }
 
+    /// Fills the memory as if this set-point had been in force for long.
+    pub(crate) fn prime(&self, command: &WheelCommand, memory: &mut [f64]) {
+        for words in memory[self.at..self.at + self.words()].chunks_exact_mut(COMMAND_WORDS) {
+            store(words, command);
+        }
+    }
+
     /// What leaves the stage at physics step `step`. `nominal` has the geometry the robot works with.
     pub(crate) fn apply(&self, command: WheelCommand, nominal: &Model, memory: &mut [f64], step: u64) -> WheelCommand {
         let memory = &mut memory[self.at..self.at + self.words()];

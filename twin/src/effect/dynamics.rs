@@ -235,6 +235,15 @@ impl Runtime {
         }
     }
 
+    /// Fills what the stages remember as if this set-point had been in force for long: for starts in motion.
+    pub(crate) fn prime(&mut self, command: &WheelCommand) {
+        let mut command = *command;
+        for stage in &self.dynamics.commands {
+            stage.prime(&command, &mut self.memory);
+            command = stage.apply(command, &self.nominal, &mut self.memory, 0);
+        }
+    }
+
     /// The set-point behind all stages, for this physics step.
     #[inline(never)]
     pub(crate) fn commanded(&mut self, command: &WheelCommand) -> WheelCommand {
@@ -397,9 +406,9 @@ impl Runtime {
                         motor.current_limit_a.min(motor.supply_v * self.base.per_ohm[lane])
                     })
                 };
-                for lane in 0..live.lanes {
+                for (lane, heat) in memory.iter_mut().enumerate().take(live.lanes) {
                     let load = state.current[lane] / stall(lane);
-                    memory[lane] += share * (load * load - memory[lane]);
+                    *heat += share * (load * load - *heat);
                 }
                 for (lane, heat) in memory.iter().enumerate() {
                     live.per_ohm[lane] /= 1.0 + relative * heat;
@@ -407,14 +416,15 @@ impl Runtime {
             }
             Law::RollingResistance { coefficient } => {
                 let loads = live.load.loads_n(state.accel_x, state.accel_y);
-                for lane in 0..live.lanes {
-                    live.coulomb_n_m[lane] += coefficient * loads[lane] * live.radius_m[lane];
+                let (casters, lanes) = (live.lanes..live.load.count(), live.lanes);
+                for (lane, load) in loads.iter().enumerate().take(lanes) {
+                    live.coulomb_n_m[lane] += coefficient * load * live.radius_m[lane];
                 }
-                for caster in live.lanes..live.load.count() {
+                for (caster, load) in loads.iter().enumerate().take(casters.end).skip(casters.start) {
                     let (x, y) = (live.x_m[caster], live.y_m[caster]);
                     let (vx, vy) = (state.u - state.r * y, state.v + state.r * x);
                     let speed = (vx * vx + vy * vy).sqrt();
-                    let drag = coefficient * loads[caster] * libm::tanh(speed / SLIP_SCALE_M_PER_S);
+                    let drag = coefficient * load * libm::tanh(speed / SLIP_SCALE_M_PER_S);
                     if speed > 0.0 {
                         add_force(live, x, y, [-drag * vx / speed, -drag * vy / speed]);
                     }
@@ -422,16 +432,16 @@ impl Runtime {
             }
             Law::GearPlay { half_rad } => gear_play(live, memory, *half_rad, state),
             Law::CasterSwivel { trail_m, torque_n_m } => {
-                for caster in live.lanes..live.load.count() {
+                let casters = live.lanes..live.load.count();
+                for (caster, heading) in memory.iter_mut().enumerate().take(casters.end).skip(casters.start) {
                     let (x, y) = (live.x_m[caster], live.y_m[caster]);
                     let (vx, vy) = (state.u - state.r * y, state.v + state.r * x);
                     // Heading of the wheel from its pivot's motion: trail d(phi)/dt = v across the wheel.
-                    let heading = memory[caster];
-                    let (sin, cos) = libm::sincos(heading);
+                    let (sin, cos) = libm::sincos(*heading);
                     let across = vy * cos - vx * sin;
                     let rate = across / trail_m - state.r;
-                    memory[caster] = heading
-                        + PHYSICS_PERIOD_S * rate / (1.0 + PHYSICS_PERIOD_S * (vx * cos + vy * sin).abs() / trail_m);
+                    *heading +=
+                        PHYSICS_PERIOD_S * rate / (1.0 + PHYSICS_PERIOD_S * (vx * cos + vy * sin).abs() / trail_m);
                     // The axis is turned by the floor's side force over the trail, and passes its friction to the body.
                     let friction = torque_n_m * libm::tanh(rate / SWIVEL_SIGN_RAD_PER_S);
                     let side = -friction / trail_m;
