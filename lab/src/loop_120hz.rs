@@ -80,10 +80,12 @@ pub fn run(setup: Setup) -> LoopResult {
     loop {
         let due_ns = schedule.due_ns();
         wait_until_ns(due_ns);
-        let Due { slot, late_ns } = schedule.wake(monotonic_ns());
+        let woke_ns = monotonic_ns();
+        let Due { slot, late_ns } = schedule.wake(woke_ns);
         ticks += 1;
-        let woke_us = monotonic_us();
+        let woke_us = woke_ns / 1000;
         let ended = control_loop.tick(slot);
+        schedule.done(monotonic_ns());
         let tick = Tick {
             tick: slot,
             due_us: woke_us - late_ns / 1000,

@@ -3,7 +3,7 @@
 
 /// Control ticks per second.
 pub const TICK_HZ: i64 = api::CONTROL_HZ as i64;
-/// Least distance of two ticks: after a late one the next waits this long.
+/// Least time from the end of a tick to the next one: after a late one the next waits this long.
 const LEAST_SPACING_NS: i64 = 1_000_000_000 / TICK_HZ / 2;
 
 /// The tick to run now.
@@ -48,6 +48,11 @@ impl TickSchedule {
         self.start_ns + slot * 1_000_000_000 / TICK_HZ
     }
 
+    /// The tick ended now. A tick that was held up in its middle holds up the next one too.
+    pub const fn done(&mut self, now_ns: i64) {
+        self.earliest_ns = now_ns + LEAST_SPACING_NS;
+    }
+
     /// Takes the slot for a wake-up at `now_ns`, which is not before [`Self::due_ns`].
     pub fn wake(&mut self, now_ns: i64) -> Due {
         let mut slot = ((now_ns - self.start_ns) * TICK_HZ / 1_000_000_000).max(self.next_slot);
@@ -57,7 +62,7 @@ impl TickSchedule {
         }
         self.missed += slot - self.next_slot;
         self.next_slot = slot + 1;
-        self.earliest_ns = now_ns + LEAST_SPACING_NS;
+        self.done(now_ns);
         Due {
             slot,
             late_ns: now_ns - self.slot_ns(slot),
@@ -100,6 +105,18 @@ mod tests {
         assert_eq!(missed, 3);
         assert_eq!((ran[9].0, ran[10].0, ran[11].0), (9, 13, 14));
         assert_eq!((ran[10].1 - ran[9].1) / 1000, 38_333);
+    }
+
+    #[test]
+    fn a_tick_held_up_in_its_middle_keeps_its_distance_to_the_next() {
+        let mut schedule = TickSchedule::new(0);
+        let first = schedule.wake(0);
+        schedule.done(7 * MS);
+        let second = schedule.due_ns();
+        assert_eq!((first.slot, second), (0, 7 * MS + LEAST_SPACING_NS));
+        assert_eq!(schedule.wake(second).slot, 1);
+        schedule.done(second);
+        assert_eq!(schedule.due_ns(), schedule.slot_ns(2), "back on the grid");
     }
 
     #[test]
