@@ -29,17 +29,11 @@ fn robot_for(entry: &EffectEntry) -> RobotDescription {
 
 /// The effect at its practical size, places chosen so that the manoeuvre meets them.
 fn practical(entry: &EffectEntry, robot: &RobotDescription) -> Effect {
-    let mut effect = Effect::new(entry.name, &[]);
-    for parameter in entry.parameters {
-        let (size, _) = parameter.size.values(robot);
-        effect
-            .parameters
-            .insert(parameter.name.to_owned(), size.is_finite().then_some(size));
-    }
+    let mut effect = Effect::sized(entry, robot, |(practical, _)| practical);
     if entry.name == "low_friction_patch" {
         effect.parameters.insert("x".to_owned(), Some(0.3));
     }
-    if entry.indexed { effect.at(0) } else { effect }
+    effect
 }
 
 /// Manoeuvres of twenty seconds, set-points 120 times a second.

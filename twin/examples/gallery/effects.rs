@@ -5,7 +5,6 @@ use std::fmt::Write as _;
 use twin::effect::Effect;
 use twin::effect::library::{EffectEntry, Hook, LIBRARY, Needs};
 use twin::replay::ReplayRow;
-use twin::robot::RobotDescription;
 use twin::world::RobotState;
 
 /// One thing a sensor reports: name, unit, noise that it is compared with, value.
@@ -62,7 +61,10 @@ fn card(html: &mut String, entry: &EffectEntry) -> Result<(), Box<dyn std::error
         _ => "omni4",
     };
     let robot = reference(chassis)?;
-    let effect = large(entry, &robot);
+    let mut effect = Effect::sized(entry, &robot, |(_, large)| large);
+    if entry.name == "low_friction_patch" {
+        effect.parameters.insert("x".to_owned(), Some(0.4));
+    }
     let mut best: Option<Shown> = None;
     for name in manoeuvre::FOR_EFFECTS {
         let plain = manoeuvre::run(&robot, &[], name)?;
@@ -148,18 +150,4 @@ fn value(value: f64, unit: &str) -> String {
     } else {
         format!("{rounded} {unit}")
     }
-}
-
-fn large(entry: &EffectEntry, robot: &RobotDescription) -> Effect {
-    let mut effect = Effect::new(entry.name, &[]);
-    for parameter in entry.parameters {
-        let (_, size) = parameter.size.values(robot);
-        effect
-            .parameters
-            .insert(parameter.name.to_owned(), size.is_finite().then_some(size));
-    }
-    if entry.name == "low_friction_patch" {
-        effect.parameters.insert("x".to_owned(), Some(0.4));
-    }
-    if entry.indexed { effect.at(0) } else { effect }
 }

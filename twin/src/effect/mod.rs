@@ -12,6 +12,8 @@ mod parametric;
 mod sensor;
 pub mod size;
 
+use crate::robot::RobotDescription;
+use library::EffectEntry;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -45,6 +47,19 @@ impl Effect {
             index: None,
             parameters: parameters.collect(),
         }
+    }
+
+    /// An effect of the library at the sizes that `choose` takes of each parameter's (practical, large); an effect of one
+    /// wheel acts on the first driven one.
+    pub fn sized(entry: &EffectEntry, robot: &RobotDescription, choose: fn((f64, f64)) -> f64) -> Effect {
+        let mut effect = Effect::new(entry.name, &[]);
+        for parameter in entry.parameters {
+            let size = choose(parameter.size.values(robot));
+            let value = size.is_finite().then_some(size);
+            effect.parameters.insert(parameter.name.to_owned(), value);
+        }
+        let driven = robot.wheels.iter().position(|wheel| wheel.driven).unwrap_or(0);
+        if entry.indexed { effect.at(driven) } else { effect }
     }
 
     /// The same for one wheel.

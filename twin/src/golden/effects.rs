@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::{CHASSIS, GoldenError, reference_robot};
 use crate::digest::Digest;
 use crate::effect::Effect;
-use crate::effect::library::{EffectEntry, LIBRARY};
+use crate::effect::library::LIBRARY;
 use crate::pose::Pose;
 use crate::replay::{CommandRow, ReplayRow, replay};
 use crate::robot::{Robot, RobotDescription};
@@ -21,7 +21,7 @@ pub fn effect_digests() -> Result<BTreeMap<String, String>, GoldenError> {
         let description = reference_robot(chassis);
         digests.insert(format!("{chassis}/nominal"), digest(&description, &[])?);
         for entry in LIBRARY {
-            let effect = [large(entry, &description)];
+            let effect = [Effect::sized(entry, &description, |(_, large)| large)];
             // What the chassis cannot have (a steering gear, an omni wheel) is refused.
             if Robot::with_effects(description.clone(), &effect).is_ok() {
                 digests.insert(format!("{chassis}/{}", entry.name), digest(&description, &effect)?);
@@ -29,19 +29,6 @@ pub fn effect_digests() -> Result<BTreeMap<String, String>, GoldenError> {
         }
     }
     Ok(digests)
-}
-
-/// The effect at its large size, on a wheel that every chassis drives where it is of one.
-fn large(entry: &EffectEntry, robot: &RobotDescription) -> Effect {
-    let mut effect = Effect::new(entry.name, &[]);
-    for parameter in entry.parameters {
-        let (_, size) = parameter.size.values(robot);
-        effect
-            .parameters
-            .insert(parameter.name.to_owned(), size.is_finite().then_some(size));
-    }
-    let driven = robot.wheels.iter().position(|wheel| wheel.driven).unwrap_or(0);
-    if entry.indexed { effect.at(driven) } else { effect }
 }
 
 fn digest(description: &RobotDescription, effects: &[Effect]) -> Result<String, GoldenError> {
