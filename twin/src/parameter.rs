@@ -26,15 +26,15 @@ pub const WHEEL_KINDS: [&str; 3] = ["omni", "standard", "caster"];
 
 /// Allowed range of one number.
 #[derive(Debug, Clone, Copy)]
-struct Range {
-    key: &'static str,
-    unit: &'static str,
-    low: f64,
-    high: f64,
-    remedy: &'static str,
+pub(crate) struct Range {
+    pub(crate) key: &'static str,
+    pub(crate) unit: &'static str,
+    pub(crate) low: f64,
+    pub(crate) high: f64,
+    pub(crate) remedy: &'static str,
 }
 
-const fn range(key: &'static str, unit: &'static str, low: f64, high: f64, remedy: &'static str) -> Range {
+pub(crate) const fn range(key: &'static str, unit: &'static str, low: f64, high: f64, remedy: &'static str) -> Range {
     Range {
         key,
         unit,

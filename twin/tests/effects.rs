@@ -244,12 +244,14 @@ fn a_run_with_effects_continues_from_its_snapshot_bit_for_bit() {
         let mut snapshot = None;
         for tick in 0..240 {
             if tick == 97 {
-                snapshot = Some(whole.snapshot());
+                snapshot = Some((whole.snapshot(), whole.state(0)));
             }
             whole.step(&[command(tick)]).expect("finite");
         }
         let mut again = world();
-        again.restore(&snapshot.expect("taken")).expect("fits");
+        let (snapshot, state) = snapshot.expect("taken");
+        again.restore(&snapshot).expect("fits");
+        assert_eq!(again.state(0), state, "{}: what is seen right after", entry.name);
         for tick in 97..240 {
             again.step(&[command(tick)]).expect("finite");
         }

@@ -210,22 +210,27 @@ impl Runtime {
         }
     }
 
-    /// Numbers beyond the body's own that the next step depends on.
+    /// Numbers beyond the body's own that the next step or a view depends on.
     pub(crate) fn words(&self) -> impl Iterator<Item = f64> + '_ {
-        core::iter::once(self.step as f64).chain(self.memory.iter().copied())
+        let supply_v = self.live.motor.as_ref().map_or(0.0, |motor| motor.supply_v);
+        [self.step as f64, supply_v]
+            .into_iter()
+            .chain(self.memory.iter().copied())
     }
 
     pub(crate) fn word_count(&self) -> usize {
-        1 + self.memory.len()
+        2 + self.memory.len()
     }
 
     /// Inverse of [`Runtime::words`]; `words` must be as many.
-    pub(crate) fn restore(&mut self, words: &[f64], state: &BodyState) {
+    pub(crate) fn restore(&mut self, words: &[f64]) {
         self.step = words[0] as u64;
-        self.memory.copy_from_slice(&words[1..]);
+        self.memory.copy_from_slice(&words[2..]);
         self.live = self.base.clone();
-        // What a view shows between steps.
-        self.set_supply(state);
+        // What a view shows between steps: supply and gears.
+        if let Some(motor) = &mut self.live.motor {
+            motor.set_supply(words[1]);
+        }
         for (law, at) in &self.dynamics.laws {
             if matches!(law, Law::GearPlay { .. }) {
                 let (place, rate) = self.memory[*at..at + law.words()].split_at(MAX_WHEELS);

@@ -20,7 +20,6 @@ use std::collections::BTreeMap;
 pub(crate) use check::check;
 pub(crate) use dynamics::{Dynamics, Runtime};
 pub(crate) use parametric::{physical, shape, tracked};
-pub use sensor::{HISTORY_S, Measurement};
 pub(crate) use sensor::{History, SensorStage, stages as sensor_stages};
 
 /// One effect as it stands in a model document.
@@ -78,7 +77,7 @@ impl Effect {
         }
     }
 
-    /// True when nothing is changed by it: one of the parameters that carry its size is neutral, and so are the others.
+    /// True when nothing is changed by it: all parameters that carry its size are neutral; those of place and shape do not count.
     pub fn is_neutral(&self) -> bool {
         let Some(entry) = library::find(&self.name) else {
             return false;

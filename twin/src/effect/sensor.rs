@@ -10,8 +10,6 @@ use crate::PHYSICS_RATE_HZ;
 use crate::pose::{Pose, wrapped_rad};
 use crate::state::RobotState;
 
-/// Longest look back or ahead of a sensor with a constant delay, s.
-pub const HISTORY_S: f64 = 0.5;
 /// Height of the cameras over the floor, m.
 const CAMERA_HEIGHT_M: f64 = 2.5;
 /// Foot points of the two cameras: at plus and minus this x, m.
@@ -21,9 +19,6 @@ const FIELD_HEIGHT_M: f64 = 3.0;
 
 /// Time stamps are text with microseconds: one this close to a physics step is of that step.
 const STAMP_TOLERANCE_STEPS: f64 = 1e-3;
-
-/// What the sensors of a robot report at a time stamp; the same numbers as the true state.
-pub type Measurement = RobotState;
 
 /// One sensor effect.
 #[derive(Debug, Clone, Copy, PartialEq)]

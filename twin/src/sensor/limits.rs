@@ -4,28 +4,9 @@ use super::encoder::MAX_WINDOW_SAMPLES;
 use super::range::RangeSettings;
 use super::settings::SensorSettings;
 use super::tracked_pose::TrackedPoseSettings;
-use crate::parameter::ParameterError;
+use crate::parameter::{ParameterError, Range, range};
 use crate::robot::Robot;
 use crate::{PHYSICS_PERIOD_S, PHYSICS_RATE_HZ};
-
-/// Allowed range of one number.
-struct Range {
-    key: &'static str,
-    unit: &'static str,
-    low: f64,
-    high: f64,
-    remedy: &'static str,
-}
-
-const fn range(key: &'static str, unit: &'static str, low: f64, high: f64, remedy: &'static str) -> Range {
-    Range {
-        key,
-        unit,
-        low,
-        high,
-        remedy,
-    }
-}
 
 const fn noise(key: &'static str, unit: &'static str) -> Range {
     range(key, unit, 0.0, 1e3, "give one standard deviation, 0 = none")

@@ -441,6 +441,12 @@ fn the_live_connection_follows_the_run_on_the_floor() {
         },
     );
     assert!(tick(&mut state, clock(1.3)).contains(&Effect::CloseLive));
+    assert_eq!(
+        pages::live::data::run(&state).map(|ended| ended.id),
+        Some(run),
+        "the last picture stays"
+    );
+    assert_eq!(pages::live::data::connection(&state).0, "Last picture");
 }
 
 #[test]
