@@ -19,10 +19,41 @@ pub(crate) struct LoadModel {
     y_m: [f64; MAX_WHEELS],
     mass_kg: f64,
     com_height_m: f64,
-    /// Load per unit of each right-hand side, all wheels down.
-    per_force: [f64; MAX_WHEELS],
-    per_moment_x: [f64; MAX_WHEELS],
-    per_moment_y: [f64; MAX_WHEELS],
+    /// With every wheel on the floor.
+    pub(crate) all_down: LoadRows,
+}
+
+/// N = at_rest + per_x a_x + per_y a_y for the wheels on the floor, 0 for the others.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct LoadRows {
+    pub(crate) at_rest_n: [f64; MAX_WHEELS],
+    /// N s^2/m.
+    pub(crate) per_x: [f64; MAX_WHEELS],
+    pub(crate) per_y: [f64; MAX_WHEELS],
+}
+
+impl LoadRows {
+    /// Normal loads, N, at the body acceleration `(a_x, a_y)` that the contact forces give, m/s^2.
+    #[inline(always)]
+    pub(crate) fn at(&self, [a_x, a_y]: [f64; 2]) -> [f64; MAX_WHEELS] {
+        let mut loads = [0.0; MAX_WHEELS];
+        for (i, load) in loads.iter_mut().enumerate() {
+            *load = self.at_rest_n[i] + (self.per_x[i] * a_x + self.per_y[i] * a_y);
+        }
+        loads
+    }
+
+    /// The wheel with the most negative load.
+    pub(crate) fn most_negative(&self, accel_m_per_s2: [f64; 2]) -> Option<usize> {
+        let loads = self.at(accel_m_per_s2);
+        let mut worst = 0;
+        for i in 1..MAX_WHEELS {
+            if loads[i] < loads[worst] {
+                worst = i;
+            }
+        }
+        (loads[worst] < 0.0).then_some(worst)
+    }
 }
 
 impl LoadModel {
@@ -33,19 +64,29 @@ impl LoadModel {
             y_m: [0.0; MAX_WHEELS],
             mass_kg,
             com_height_m,
-            per_force: [0.0; MAX_WHEELS],
-            per_moment_x: [0.0; MAX_WHEELS],
-            per_moment_y: [0.0; MAX_WHEELS],
+            all_down: LoadRows {
+                at_rest_n: [0.0; MAX_WHEELS],
+                per_x: [0.0; MAX_WHEELS],
+                per_y: [0.0; MAX_WHEELS],
+            },
         };
         for (i, (x, y)) in positions_m.iter().take(MAX_WHEELS).enumerate() {
             model.x_m[i] = *x;
             model.y_m[i] = *y;
         }
-        let down = [true; MAX_WHEELS];
-        model.per_force = model.minimum_norm(&down, SVector::<f64, 3>::new(1.0, 0.0, 0.0));
-        model.per_moment_x = model.minimum_norm(&down, SVector::<f64, 3>::new(0.0, 1.0, 0.0));
-        model.per_moment_y = model.minimum_norm(&down, SVector::<f64, 3>::new(0.0, 0.0, 1.0));
+        model.all_down = model.standing_on(&[true; MAX_WHEELS]);
         model
+    }
+
+    /// Loads when only the wheels of `down` touch the floor.
+    pub(crate) fn standing_on(&self, down: &[bool; MAX_WHEELS]) -> LoadRows {
+        let scaled = |unit: [f64; 3], by: f64| self.minimum_norm(down, SVector::from(unit)).map(|load| load * by);
+        let moment = -self.mass_kg * self.com_height_m;
+        LoadRows {
+            at_rest_n: scaled([1.0, 0.0, 0.0], self.mass_kg * GRAVITY_M_PER_S2),
+            per_x: scaled([0.0, 1.0, 0.0], moment),
+            per_y: scaled([0.0, 0.0, 1.0], moment),
+        }
     }
 
     /// Wheels, casters included.
@@ -57,42 +98,17 @@ impl LoadModel {
         self.com_height_m
     }
 
-    /// Normal loads, N, at the body acceleration `(a_x, a_y)` that the contact forces gave in the previous step, m/s^2.
-    #[inline(always)]
+    /// Normal loads, N, at the body acceleration `(a_x, a_y)` that the contact forces give, m/s^2; none is negative.
     pub(crate) fn loads_n(&self, accel_x_m_per_s2: f64, accel_y_m_per_s2: f64) -> [f64; MAX_WHEELS] {
-        let force = self.mass_kg * GRAVITY_M_PER_S2;
-        let moment_x = -self.mass_kg * self.com_height_m * accel_x_m_per_s2;
-        let moment_y = -self.mass_kg * self.com_height_m * accel_y_m_per_s2;
-        let mut loads = [0.0; MAX_WHEELS];
-        let mut smallest = 0.0_f64;
-        for (i, load) in loads.iter_mut().enumerate() {
-            *load = self.per_force[i] * force + self.per_moment_x[i] * moment_x + self.per_moment_y[i] * moment_y;
-            smallest = smallest.min(*load);
-        }
-        if smallest < 0.0 {
-            self.lifted(SVector::<f64, 3>::new(force, moment_x, moment_y), loads)
-        } else {
-            loads
-        }
-    }
-
-    #[cold]
-    fn lifted(&self, right: SVector<f64, 3>, mut loads: [f64; MAX_WHEELS]) -> [f64; MAX_WHEELS] {
+        let accel = [accel_x_m_per_s2, accel_y_m_per_s2];
         let mut down = [true; MAX_WHEELS];
+        let mut rows = self.all_down;
         for _ in 1..self.count {
-            let mut worst = 0;
-            for i in 1..self.count {
-                if loads[i] < loads[worst] {
-                    worst = i;
-                }
-            }
-            if loads[worst] >= 0.0 {
-                return loads;
-            }
+            let Some(worst) = rows.most_negative(accel) else { break };
             down[worst] = false;
-            loads = self.minimum_norm(&down, right);
+            rows = self.standing_on(&down);
         }
-        loads.map(|load| load.max(0.0))
+        rows.at(accel).map(|load| load.max(0.0))
     }
 
     fn minimum_norm(&self, down: &[bool; MAX_WHEELS], right: SVector<f64, 3>) -> [f64; MAX_WHEELS] {

@@ -40,9 +40,10 @@ pub(crate) struct Model {
     pub(crate) yaw_inertia_kg_m2: f64,
     /// Radius of gyration of the yaw inertia, m.
     pub(crate) lever_m: f64,
-    /// The floor's coefficient everywhere, its nominal value, and the one under each wheel.
+    /// The floor's coefficient everywhere, its nominal value, and the one under each wheel:
     pub(crate) floor_friction: f64,
     pub(crate) nominal_friction: f64,
+    /// 0 for casters and where no wheel is.
     pub(crate) friction: [f64; MAX_WHEELS],
     pub(crate) load: LoadModel,
     /// Centre of mass from the body origin; positions below are from the centre of mass.
@@ -56,6 +57,10 @@ pub(crate) struct Model {
     pub(crate) omni: [bool; MAX_WHEELS],
     /// 1 where the wheel resists sideways motion (standard), 0 for omni.
     pub(crate) lateral: [f64; MAX_WHEELS],
+    /// Whether any wheel resists sideways motion.
+    pub(crate) has_side: bool,
+    /// Whether wheel radii change from step to step.
+    pub(crate) contact_varies: bool,
     /// 1 where a motor acts.
     pub(crate) powered: [f64; MAX_WHEELS],
     /// 1 where the wheel speed is a state, 0 where it follows its command (driven without a motor model).
@@ -124,7 +129,7 @@ impl Model {
             lever_m: (robot.yaw_inertia_kg_m2 / robot.mass_kg).sqrt(),
             floor_friction: robot.floor_friction,
             nominal_friction: robot.floor_friction,
-            friction: [robot.floor_friction; MAX_WHEELS],
+            friction: zero,
             com_m: [0.0; 2],
             load: LoadModel::new(&positions, robot.mass_kg, robot.com_height_m),
             geometry: Geometry {
@@ -139,6 +144,8 @@ impl Model {
             spin_inertia_kg_m2: [1.0; MAX_WHEELS],
             omni: [false; MAX_WHEELS],
             lateral: zero,
+            has_side: false,
+            contact_varies: false,
             powered: zero,
             free: [1.0; MAX_WHEELS],
             driven: [false; MAX_WHEELS],
@@ -175,6 +182,7 @@ impl Model {
 
     /// The tyre that effects change; nominal when there was none.
     pub(crate) fn tyre_mut(&mut self) -> &mut Tyre {
+        self.contact_varies = true;
         self.tyre.get_or_insert(Tyre::NOMINAL)
     }
 
@@ -211,6 +219,9 @@ impl Model {
     fn set_wheel(&mut self, lane: usize, index: usize, robot: &RobotDescription) {
         let wheel = &robot.wheels[index];
         self.wheel_of_lane[lane] = index;
+        if wheel.kind != "caster" {
+            self.friction[lane] = robot.floor_friction;
+        }
         self.x_m[lane] = wheel.x_m;
         self.y_m[lane] = wheel.y_m;
         if wheel.kind == "caster" {
@@ -222,6 +233,7 @@ impl Model {
         self.spin_inertia_kg_m2[lane] = wheel.spin_inertia_kg_m2.unwrap_or(1.0);
         self.omni[lane] = wheel.kind == "omni";
         self.lateral[lane] = if wheel.kind == "standard" { 1.0 } else { 0.0 };
+        self.has_side |= wheel.kind == "standard";
         self.driven[lane] = wheel.driven;
         self.steered[lane] = wheel.steered;
         if !wheel.driven {

@@ -1,6 +1,7 @@
 //! State of one robot.
 
 use crate::MAX_WHEELS;
+use crate::kernel::Carry;
 use crate::model::Model;
 use crate::pose::{Pose, wrapped_rad};
 use crate::twist::BodyTwist;
@@ -53,6 +54,8 @@ pub(crate) struct BodyState {
     pub(crate) integral: [f64; MAX_WHEELS],
     pub(crate) current: [f64; MAX_WHEELS],
     pub(crate) voltage: [f64; MAX_WHEELS],
+    /// Empty at the start of every tick.
+    pub(crate) carry: Carry,
 }
 
 impl BodyState {
@@ -78,6 +81,7 @@ impl BodyState {
             integral: zero,
             current: zero,
             voltage: zero,
+            carry: Carry::EMPTY,
         }
     }
 
@@ -102,6 +106,7 @@ impl BodyState {
     /// Wraps the yaw and recomputes the heading vector from it: once per tick, so that rounding cannot grow.
     #[inline(always)]
     pub(crate) fn refresh_heading(&mut self) {
+        self.carry.clear();
         self.yaw_rad = wrapped_rad(self.yaw_rad);
         let (sin, cos) = libm::sincos(self.yaw_rad);
         self.cos_yaw = cos;

@@ -200,11 +200,13 @@ pub(crate) struct Runtime {
 
 impl Runtime {
     pub(crate) fn new(dynamics: &Dynamics, nominal: &Model, base: &Model) -> Runtime {
+        let mut base = base.clone();
+        base.contact_varies |= dynamics.laws.iter().any(|(law, _)| matches!(law, Law::Eccentricity { .. }));
         Runtime {
             dynamics: dynamics.clone(),
             nominal: nominal.clone(),
-            base: base.clone(),
             live: base.clone(),
+            base,
             memory: vec![0.0; dynamics.words],
             step: 0,
         }

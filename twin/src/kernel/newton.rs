@@ -1,24 +1,21 @@
-//! One physics step of one robot: wheels, contact and body together, integrated implicitly.
+//! One part of a step by Newton's method, for where the linearly implicit one errs: a wheel between slip and grip.
 //!
-//! ```text
-//! contact velocity  a_i = A_i . z,  b_i = B_i . z,  z = (u, v, r)
-//! slip              s_l = R W_i - a_i ;  s_t = -b_i            (omni: s_t = 0)
-//! contact force     F = mu N_i tanh(|s| / s0) s / |s|
-//! wheel             J_w dW_i/dt = torque_i - R F_l - b_w W_i - t_c tanh(W_i / 0.3)
-//! body              m (du/dt - r v), m (dv/dt + r u), J dr/dt  =  sum F_l A_i + F_t B_i
-//! ```
-//!
-//! The contact is stiff (thousands 1/s at small slip), so a step is the two-stage, second-order, L-stable and
-//! algebraically stable SDIRK method with gamma = 1 - 1/sqrt 2: a dissipative system can never gain energy from the
-//! step size. Each stage is a Newton iteration; wheel speeds are eliminated wheel by wheel, which leaves 3 x 3.
-//! Where a slip jumps, the secant slope F / s replaces the tangent: that iteration minimises a convex potential by
-//! quadratics that lie above it and cannot cycle.
+//! The two-stage, second-order, L-stable and algebraically stable SDIRK method with gamma = 1 - 1/sqrt 2: a dissipative
+//! system can never gain energy from its step size. Each stage is a Newton iteration; wheel speeds are eliminated wheel
+//! by wheel, which leaves 3 x 3. Where a slip jumps, the secant slope F / s replaces the tangent: that iteration
+//! minimises a convex potential by quadratics that lie above it and cannot cycle.
 
+use wide::f64x4;
+
+use super::constants::Constants;
+use super::shape::Speeds;
+use super::step::Advance;
+use crate::lanes::LANES as N;
 use crate::math;
 use crate::model::{Geometry, Model};
 use crate::state::BodyState;
 use crate::tyre::Tyre;
-use crate::{COULOMB_SCALE_RAD_PER_S, MAX_WHEELS, SLIP_SCALE_M_PER_S};
+use crate::{COULOMB_SCALE_RAD_PER_S, SLIP_SCALE_M_PER_S};
 
 /// 1 - 1/sqrt 2.
 const GAMMA: f64 = 0.292_893_218_813_452_5;
@@ -28,34 +25,31 @@ const TOLERANCE_M_PER_S: f64 = 1e-4;
 const NEWTON_RANGE_M_PER_S: f64 = 0.5 * SLIP_SCALE_M_PER_S;
 /// Bound on the iterations of one stage.
 const MAX_ITERATIONS: u32 = 40;
-/// Parts of a physics step at the finest.
-const FINEST: u32 = 64;
-/// Allowed change of the body's derivative over a part, times gamma h; the error itself is a small part of it, m/s.
-const BODY_TOLERANCE_M_PER_S: f64 = 2e-4;
-/// The same for the rim of a wheel, m/s.
-const RIM_TOLERANCE_M_PER_S: f64 = 3e-2;
 /// Square of the smallest scaled slip, so that tanh(q)/q needs no case.
 const TINY: f64 = 1e-30;
 
 /// Body twist and wheel speeds of one stage.
 #[derive(Clone, Copy)]
-struct Stage<const N: usize> {
+struct Stage {
     z: [f64; 3],
     wheel: [f64; N],
 }
 
 /// Inputs that stay the same during a step.
-struct Step<'a, const N: usize> {
+pub(super) struct Newton<'a> {
     model: &'a Model,
     geometry: &'a Geometry,
     /// mu N_i / s0, N s/m.
     grip: [f64; N],
     /// V_i, held during the step.
     voltage: [f64; N],
+    /// Forces on the body and torques on the wheels that do not change.
+    body_force: [f64; 3],
+    torque: [f64; N],
 }
 
 /// Forces of all contacts, N, and their slopes over the slip, N s/m.
-struct Contacts<const N: usize> {
+struct Contacts {
     force_l: [f64; N],
     force_t: [f64; N],
     d_ll: [f64; N],
@@ -76,184 +70,62 @@ struct Sums {
     reduced: [f64; 3],
 }
 
-/// Advances `state` by one physics step with the voltages (or, without a motor, the wheel speeds) in it.
-///
-/// Loads and geometry are those of the whole step. Inside, the step is divided wherever the wheels cross between grip
-/// and slip faster than it resolves; how finely depends on the state alone. Returns the number of parts.
-pub(crate) fn advance(model: &Model, state: &mut BodyState, period_s: f64) -> u32 {
-    let steered;
-    let geometry = if model.steering.is_some() {
-        steered = model.geometry_at(model.wheel_steering.wheels_rad(state.steering_rad));
-        &steered
-    } else {
-        &model.geometry
-    };
-    match model.lanes {
-        0..=2 => advance_lanes::<2>(model, geometry, state, period_s),
-        3 | 4 => advance_lanes::<4>(model, geometry, state, period_s),
-        _ => advance_lanes::<MAX_WHEELS>(model, geometry, state, period_s),
+impl<'a> Newton<'a> {
+    /// With the loads at the acceleration of the part before.
+    pub(super) fn new(model: &'a Model, geometry: &'a Geometry, state: &BodyState, c: &Constants) -> Newton<'a> {
+        let loads = model.load.loads_n(state.accel_x, state.accel_y);
+        let mut newton = Newton {
+            model,
+            geometry,
+            grip: [0.0; N],
+            voltage: [0.0; N],
+            body_force: c.body_force,
+            torque: c.torque_n_m.to_array(),
+        };
+        for i in 0..N {
+            newton.grip[i] = model.friction[i] / SLIP_SCALE_M_PER_S * loads[i];
+            newton.voltage[i] = state.voltage[i];
+        }
+        newton
     }
-}
 
-fn advance_lanes<const N: usize>(model: &Model, geometry: &Geometry, state: &mut BodyState, period_s: f64) -> u32 {
-    let mut step = Step::<N> {
-        model,
-        geometry,
-        grip: [0.0; N],
-        voltage: [0.0; N],
-    };
-    let mut now = Stage::<N> {
-        z: [state.u, state.v, state.r],
-        wheel: [0.0; N],
-    };
-    for i in 0..N {
-        step.voltage[i] = state.voltage[i];
-        now.wheel[i] = state.wheel[i];
-    }
-    step.set_loads(state);
-    let (mut at, mut size, mut parts) = (0_u32, FINEST, 0);
-    while at < FINEST {
-        let part_s = period_s * (f64::from(size) / f64::from(FINEST));
+    /// Advances the speeds by `part_s`.
+    #[cold]
+    #[inline(never)]
+    pub(super) fn advance(&self, start: &Speeds, part_s: f64) -> Advance {
         let k = GAMMA * part_s;
-        let (first, force) = step.solve(&now, now, k);
+        let now = Stage {
+            z: start.twist,
+            wheel: start.wheel.to_array(),
+        };
+        let first = self.solve(&now, now, k);
         // Stage 2 starts from y0 + (1 - gamma) h f(y1) with f(y1) = (y1 - y0) / (gamma h).
         let base = extrapolated(&now, &first, (1.0 - GAMMA) / GAMMA);
         let guess = extrapolated(&now, &first, 1.0 / GAMMA);
-        let (second, _) = step.solve(&base, guess, k);
-        parts += 1;
-        let error = step.error(&now, &first, &second, force, k);
-        if error > 1.0 && size > 1 {
-            size = if error > 16.0 && size > 3 { size / 4 } else { size / 2 };
-            continue;
-        }
-        finish(model, state, [&now, &first, &second], part_s);
-        now = second;
-        at += size;
-        if at < FINEST {
-            step.set_loads(state);
-            if error < 0.1 && at.is_multiple_of(2 * size) {
-                size *= 2;
-            }
-        }
-    }
-    settle(model, state, &now);
-    parts
-}
-
-#[inline(always)]
-fn extrapolated<const N: usize>(start: &Stage<N>, first: &Stage<N>, factor: f64) -> Stage<N> {
-    let mut out = *start;
-    for j in 0..3 {
-        out.z[j] += factor * (first.z[j] - start.z[j]);
-    }
-    for i in 0..N {
-        out.wheel[i] += factor * (first.wheel[i] - start.wheel[i]);
-    }
-    out
-}
-
-/// Moves pose and wheel angles through one part of a step; the acceleration that the contact forces give at its end
-/// loads the wheels in the next part.
-#[inline(always)]
-fn finish<const N: usize>(model: &Model, state: &mut BodyState, stages: [&Stage<N>; 3], part_s: f64) {
-    let [start, first, second] = stages;
-    let mean = |a: f64, b: f64| (1.0 - GAMMA) * a + GAMMA * b;
-    let end_rate =
-        |j: usize| (second.z[j] - start.z[j] - (1.0 - GAMMA) / GAMMA * (first.z[j] - start.z[j])) / (GAMMA * part_s);
-    state.accel_x = end_rate(0) - second.z[2] * second.z[1] - model.gravity_m_per_s2[0];
-    state.accel_y = end_rate(1) + second.z[2] * second.z[0] - model.gravity_m_per_s2[1];
-    move_pose(
-        state,
-        mean(first.z[0], second.z[0]),
-        mean(first.z[1], second.z[1]),
-        mean(first.z[2], second.z[2]),
-        part_s,
-    );
-    for i in 0..N {
-        state.angle[i] += part_s * mean(first.wheel[i], second.wheel[i]);
-    }
-}
-
-/// Writes velocities and currents at the end of the step.
-#[inline(always)]
-fn settle<const N: usize>(model: &Model, state: &mut BodyState, end: &Stage<N>) {
-    [state.u, state.v, state.r] = end.z;
-    for i in 0..N {
-        state.wheel[i] = end.wheel[i];
-        if let Some(motor) = &model.motor {
-            state.current[i] = model.powered[i] * model.current_a(motor, i, state.voltage[i], state.wheel[i]);
-        }
-    }
-}
-
-/// Moves the pose along the arc of a constant twist: chord = twist x sinc(angle / 2), halfway heading.
-#[inline(always)]
-pub(crate) fn move_pose(state: &mut BodyState, u: f64, v: f64, r: f64, period_s: f64) {
-    let half = 0.5 * r * period_s;
-    let (sin, cos) = if half.abs() <= 0.25 {
-        math::sin_cos_small(half)
-    } else {
-        libm::sincos(half)
-    };
-    let chord = if half.abs() > 1e-6 { sin / half } else { 1.0 };
-    let middle_cos = state.cos_yaw * cos - state.sin_yaw * sin;
-    let middle_sin = state.sin_yaw * cos + state.cos_yaw * sin;
-    state.x_m += period_s * chord * (u * middle_cos - v * middle_sin);
-    state.y_m += period_s * chord * (u * middle_sin + v * middle_cos);
-    state.yaw_rad += 2.0 * half;
-    state.cos_yaw = middle_cos * cos - middle_sin * sin;
-    state.sin_yaw = middle_sin * cos + middle_cos * sin;
-}
-
-impl<const N: usize> Step<'_, N> {
-    /// Normal loads at the acceleration of the part before.
-    #[inline(always)]
-    fn set_loads(&mut self, state: &BodyState) {
-        let loads = self.model.load.loads_n(state.accel_x, state.accel_y);
-        for (i, (grip, load)) in self.grip.iter_mut().zip(loads).enumerate() {
-            let present = if i < self.model.lanes {
-                self.model.friction[i] / SLIP_SCALE_M_PER_S
-            } else {
-                0.0
-            };
-            *grip = present * load;
-        }
-    }
-
-    /// Change of the derivatives between the start and the two stages, times gamma h, over what is allowed.
-    ///
-    /// `force` is the sum of the contact forces at the start; without it a slip that flips within the first stage would
-    /// not be seen.
-    #[inline(always)]
-    fn error(&self, start: &Stage<N>, first: &Stage<N>, second: &Stage<N>, force: [f64; 3], k: f64) -> f64 {
-        let m = self.model;
-        let [u, v, r] = start.z;
-        let begin = [
-            k * (force[0] / m.mass_kg + r * v),
-            k * (force[1] / m.mass_kg - r * u),
-            k * force[2] / m.yaw_inertia_kg_m2,
-        ];
-        let scale = [1.0, 1.0, m.lever_m];
-        let mut body = 0.0_f64;
-        for j in 0..3 {
-            let one = first.z[j] - start.z[j];
-            // z2 = z0 + (1 - gamma) h f1 + gamma h f2
-            let two = second.z[j] - start.z[j] - (1.0 - GAMMA) / GAMMA * one;
-            let change = scale[j] * (one - begin[j]).abs().max((two - one).abs());
-            body = if change > body { change } else { body };
-        }
-        let mut rim = 0.0_f64;
+        let second = self.solve(&base, guess, k);
+        let mean = |a: f64, b: f64| (1.0 - GAMMA) * a + GAMMA * b;
+        let rate = |j: usize| (second.z[j] - now.z[j]) / part_s;
+        let twist = [0, 1, 2].map(|j| mean(first.z[j], second.z[j]));
+        let g = self.model.gravity_m_per_s2;
+        let mut wheel = [0.0; N];
         for i in 0..N {
-            let one = first.wheel[i] - start.wheel[i];
-            let change = m.radius_m[i] * (second.wheel[i] - start.wheel[i] - one / GAMMA).abs();
-            rim = if change > rim { change } else { rim };
+            wheel[i] = mean(first.wheel[i], second.wheel[i]);
         }
-        (body / BODY_TOLERANCE_M_PER_S).max(rim / RIM_TOLERANCE_M_PER_S)
+        Advance {
+            end: Speeds {
+                twist: second.z,
+                wheel: f64x4::new(second.wheel),
+            },
+            mean: Speeds {
+                twist,
+                wheel: f64x4::new(wheel),
+            },
+            accel: [rate(0) - twist[2] * twist[1] - g[0], rate(1) + twist[2] * twist[0] - g[1]],
+        }
     }
 
-    /// Solves y = base + k f(y) from a first guess; also gives the sum of the contact forces at the guess.
-    #[inline(always)]
-    fn solve(&self, base: &Stage<N>, guess: Stage<N>, k: f64) -> (Stage<N>, [f64; 3]) {
+    /// Solves y = base + k f(y) from a first guess.
+        fn solve(&self, base: &Stage, guess: Stage, k: f64) -> Stage {
         let mut y = guess;
         for i in 0..N {
             // Wheels without a motor model keep the commanded speed exactly.
@@ -262,33 +134,26 @@ impl<const N: usize> Step<'_, N> {
             }
         }
         let mut moved = [0.0_f64; N];
-        let mut force = [0.0; 3];
-        for iteration in 0..MAX_ITERATIONS {
+        for _ in 0..MAX_ITERATIONS {
             let tangent = moved.map(|slip| if slip < NEWTON_RANGE_M_PER_S { 1.0 } else { 0.0 });
-            let (largest, now) = self.iterate(base, &mut y, k, &tangent, &mut moved);
-            if iteration == 0 {
-                force = now;
-            }
-            if largest < TOLERANCE_M_PER_S {
+            if self.iterate(base, &mut y, k, &tangent, &mut moved) < TOLERANCE_M_PER_S {
                 break;
             }
         }
-        (y, force)
+        y
     }
 
-    /// One Newton (tangent 1) or secant (tangent 0) iteration; returns the largest change of a slip, m/s, and the
-    /// sum of the contact forces before it.
+    /// One Newton (tangent 1) or secant (tangent 0) iteration; returns the largest change of a slip, m/s.
     ///
     /// Short passes over all wheels, so that the compiler takes several wheels at once.
-    #[inline(always)]
-    fn iterate(
+        fn iterate(
         &self,
-        base: &Stage<N>,
-        y: &mut Stage<N>,
+        base: &Stage,
+        y: &mut Stage,
         k: f64,
         tangent: &[f64; N],
         moved: &mut [f64; N],
-    ) -> (f64, [f64; 3]) {
+    ) -> f64 {
         let (m, g) = (self.model, self.geometry);
         let contact = match &m.tyre {
             None => self.contact(y, tangent),
@@ -309,7 +174,7 @@ impl<const N: usize> Step<'_, N> {
             shift[i] = radius * gain[i] * residual[i];
         }
         let mut sums = Sums {
-            force: m.body_force,
+            force: self.body_force,
             ..Sums::default()
         };
         for i in 0..N {
@@ -343,12 +208,11 @@ impl<const N: usize> Step<'_, N> {
         let largest = moved
             .iter()
             .fold(0.0_f64, |largest, slip| if *slip > largest { *slip } else { largest });
-        (largest, sums.force)
+        largest
     }
 
     /// Contact forces and their slopes over the slip.
-    #[inline(always)]
-    fn contact(&self, y: &Stage<N>, tangent: &[f64; N]) -> Contacts<N> {
+        fn contact(&self, y: &Stage, tangent: &[f64; N]) -> Contacts {
         let (m, g) = (self.model, self.geometry);
         let [u, v, r] = y.z;
         let (mut ql, mut qt, mut q2, mut t) = ([0.0; N], [0.0; N], [0.0; N], [0.0; N]);
@@ -384,7 +248,7 @@ impl<const N: usize> Step<'_, N> {
 
     /// The same with a tyre of its own in each direction. The slopes stay symmetric: they steer the iteration only.
     #[inline(never)]
-    fn tyre_contact(&self, tyre: &Tyre, y: &Stage<N>) -> Contacts<N> {
+    fn tyre_contact(&self, tyre: &Tyre, y: &Stage) -> Contacts {
         let (m, g) = (self.model, self.geometry);
         let [u, v, r] = y.z;
         let mut out = Contacts {
@@ -408,15 +272,14 @@ impl<const N: usize> Step<'_, N> {
     }
 
     /// Torques on the wheels but for the contact, N m, and minus their slopes over the wheel speed, N m s.
-    #[inline(always)]
-    fn drive(&self, wheel: &[f64; N]) -> ([f64; N], [f64; N]) {
+        fn drive(&self, wheel: &[f64; N]) -> ([f64; N], [f64; N]) {
         let m = self.model;
         let (mut torque, mut slope, mut t) = ([0.0; N], [0.0; N], [0.0; N]);
         for i in 0..N {
             t[i] = math::tanh(wheel[i] * (1.0 / COULOMB_SCALE_RAD_PER_S));
         }
         for i in 0..N {
-            torque[i] = -m.viscous_n_m_s[i] * wheel[i] - m.coulomb_n_m[i] * t[i];
+            torque[i] = self.torque[i] - m.viscous_n_m_s[i] * wheel[i] - m.coulomb_n_m[i] * t[i];
             slope[i] = m.viscous_n_m_s[i] + m.coulomb_n_m[i] * (1.0 - t[i] * t[i]) * (1.0 / COULOMB_SCALE_RAD_PER_S);
         }
         if let Some(motor) = &m.motor {
@@ -436,8 +299,7 @@ impl<const N: usize> Step<'_, N> {
     }
 
     /// Solves the 3 x 3 system for the change of the body twist.
-    #[inline(always)]
-    fn body_change(&self, base: &Stage<N>, y: &Stage<N>, k: f64, sums: &Sums) -> [f64; 3] {
+        fn body_change(&self, base: &Stage, y: &Stage, k: f64, sums: &Sums) -> [f64; 3] {
         let (mass, inertia) = (self.model.mass_kg, self.model.yaw_inertia_kg_m2);
         let [u, v, r] = y.z;
         let km = k * mass;
@@ -466,4 +328,15 @@ impl<const N: usize> Step<'_, N> {
                 * (right[0] * c02 + right[1] * (a01 * a20 - a00 * a21) + right[2] * (a00 * a11 - a01 * a10)),
         ]
     }
+}
+
+fn extrapolated(start: &Stage, first: &Stage, factor: f64) -> Stage {
+    let mut out = *start;
+    for j in 0..3 {
+        out.z[j] += factor * (first.z[j] - start.z[j]);
+    }
+    for i in 0..N {
+        out.wheel[i] += factor * (first.wheel[i] - start.wheel[i]);
+    }
+    out
 }
