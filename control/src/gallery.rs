@@ -312,6 +312,7 @@ fn scenario_json(name: &str, duration_s: f64, rows: &[Row]) -> String {
             width_m: 4.0,
             height_m: 3.0,
             floor: "lab-floor".into(),
+            contents: Default::default(),
         },
     };
     serde_json::to_string(&scenario).unwrap_or_default()

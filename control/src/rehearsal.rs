@@ -3,7 +3,7 @@
 use serde::Serialize;
 use twin::pose::Pose;
 use twin::twist::BodyTwist;
-use twin::world::{Arena, World};
+use twin::world::{Obstacle, ObstacleContact, World};
 
 use crate::law::{RobotObservation, path_error_m};
 use crate::scenario::{FieldProblem, Scenario};
@@ -58,6 +58,7 @@ pub struct Rehearsal {
     outputs: Vec<TeamOutput>,
     findings: Vec<Finding>,
     contacts: Vec<(u32, Option<u32>)>,
+    obstacle_contacts: Vec<ObstacleContact>,
     smallest_separation_m: Option<f64>,
     smallest_wall_distance_m: f64,
     /// Largest path error so far: value, time, robot.
@@ -107,6 +108,7 @@ impl Rehearsal {
             outputs: Vec::with_capacity(n),
             findings: Vec::new(),
             contacts: Vec::new(),
+            obstacle_contacts: Vec::new(),
             smallest_separation_m: world.smallest_separation_m(),
             smallest_wall_distance_m: world.smallest_wall_distance_m(),
             path_error: None,
@@ -238,6 +240,9 @@ impl Rehearsal {
             let contact = self.world.contacts_this_tick()[k];
             self.touch(contact.a, contact.b);
         }
+        for k in 0..self.world.obstacle_contacts_this_tick().len() {
+            self.touch_obstacle(self.world.obstacle_contacts_this_tick()[k]);
+        }
         for (i, out) in self.outputs.iter().enumerate() {
             let Some(segment) = out.segment else { continue };
             let pose = self.world.state(i).pose;
@@ -281,6 +286,29 @@ impl Rehearsal {
                 );
             }
         }
+    }
+
+    /// Reports a contact once per robot and obstacle; only fixed ones speak against the experiment.
+    fn touch_obstacle(&mut self, contact: ObstacleContact) {
+        if self.obstacle_contacts.contains(&contact) {
+            return;
+        }
+        self.obstacle_contacts.push(contact);
+        let time_s = self.world.tick() as f64 * TICK_S;
+        let robot = self.names[contact.robot as usize].clone();
+        let contents = self.world.contents();
+        let (severity, code, verb, obstacle) = match contact.obstacle {
+            Obstacle::Fixed(at) => {
+                let name = &contents.fixed[at as usize].name;
+                (Severity::Error, "robot_hits_obstacle", "hits the fixed", name)
+            }
+            Obstacle::Pushable(at) => {
+                let name = &contents.pushable[at as usize].name;
+                (Severity::Warning, "robot_pushes_obstacle", "pushes the", name)
+            }
+        };
+        let message = format!("{robot} {verb} obstacle {obstacle:?} at {time_s:.2} s");
+        self.find(severity, code, vec![robot], message, None);
     }
 
     fn target_not_reached(&mut self, i: usize) {
@@ -347,10 +375,7 @@ pub fn ticks_of(duration_s: f64) -> u64 {
 
 /// The twin's world at the start of a scenario.
 pub fn world(scenario: &Scenario) -> Result<World, Vec<FieldProblem>> {
-    let arena = Arena {
-        width_m: scenario.arena.width_m,
-        height_m: scenario.arena.height_m,
-    };
+    let arena = &scenario.arena;
     let starts = scenario.experiment.robots.iter().map(|robot| robot.start);
     let placed = robots(scenario)?
         .into_iter()
@@ -367,7 +392,7 @@ pub fn world(scenario: &Scenario) -> Result<World, Vec<FieldProblem>> {
                 lab.bounding_radius_m,
             )
         });
-    World::new(arena, placed.collect()).map_err(|error| {
+    World::furnished(arena.walls(), arena.contents.clone(), placed.collect()).map_err(|error| {
         vec![FieldProblem {
             field: "robots".into(),
             message: format!("the world cannot be set up: {error}"),

@@ -2,6 +2,7 @@
 
 use crate::connect::Store;
 use crate::error::{Result, StoreError, seconds};
+use crate::laboratory::contents_of;
 use crate::outcome::{JobFailure, JobLease, JobWrite, RehearsalInput, VerdictRecord};
 use crate::run::{LockedRun, lock_run, move_run};
 use crate::run_file::upsert_file;
@@ -24,6 +25,7 @@ struct RehearsalRow {
     width_m: Option<f64>,
     height_m: Option<f64>,
     floor: Option<String>,
+    contents: Option<String>,
 }
 
 impl Store {
@@ -115,7 +117,7 @@ impl Store {
     pub async fn rehearsal_input(&self, run_id: Uuid) -> Result<Option<RehearsalInput>> {
         let row: Option<RehearsalRow> = sqlx::query_as(
             "SELECT e.document::text AS document, e.claimed_digest, e.claimed_twin_version, e.claimed_engine,
-                a.name AS arena, a.width_m, a.height_m, a.floor
+                a.name AS arena, a.width_m, a.height_m, a.floor, a.contents::text AS contents
              FROM runs r JOIN experiments e ON e.id = r.experiment_id LEFT JOIN arenas a ON a.name = r.arena WHERE r.id = $1",
         )
         .bind(run_id)
@@ -126,7 +128,7 @@ impl Store {
         let (robots, robots_missing) = self.robots_of(&experiment).await?;
         Ok(Some(RehearsalInput {
             run_id,
-            arena: row.arena(),
+            arena: row.arena()?,
             claim: row.claim(),
             experiment,
             robots,
@@ -180,13 +182,19 @@ impl Store {
 }
 
 impl RehearsalRow {
-    fn arena(&self) -> Option<Arena> {
-        Some(Arena {
-            name: self.arena.clone()?,
-            width_m: self.width_m?,
-            height_m: self.height_m?,
-            floor: self.floor.clone()?,
-        })
+    fn arena(&self) -> Result<Option<Arena>> {
+        let (Some(name), Some(width_m), Some(height_m), Some(floor)) =
+            (self.arena.clone(), self.width_m, self.height_m, self.floor.clone())
+        else {
+            return Ok(None);
+        };
+        Ok(Some(Arena {
+            name,
+            width_m,
+            height_m,
+            floor,
+            contents: contents_of(self.contents.as_deref())?,
+        }))
     }
 
     fn claim(&self) -> Option<DigestClaim> {

@@ -3,7 +3,7 @@
 use crate::SILENT_S;
 use crate::connect::Store;
 use crate::error::{Result, StoreError};
-use api::arena::{Arena, ArenaView};
+use api::arena::{Arena, ArenaView, Contents};
 use api::lab::{LabDescription, LabStatus};
 use api::robot::{LabRobot, RobotView};
 use sqlx::PgConnection;
@@ -25,6 +25,7 @@ struct ArenaRow {
     width_m: f64,
     height_m: f64,
     floor: String,
+    contents: Option<String>,
     connected: bool,
     stopped: bool,
     leased: bool,
@@ -36,16 +37,19 @@ impl Store {
     pub async fn lab_register(&self, lab: &LabDescription) -> Result<()> {
         let mut transaction = self.pool.begin().await?;
         let arena = &lab.arena;
+        let contents = arena.contents.as_ref().map(serde_json::to_string).transpose();
+        let contents = contents.map_err(StoreError::corrupt("arena"))?;
         sqlx::query(
-            "INSERT INTO arenas (name, lab, width_m, height_m, floor) VALUES ($1, $2, $3, $4, $5)
+            "INSERT INTO arenas (name, lab, width_m, height_m, floor, contents) VALUES ($1, $2, $3, $4, $5, $6::json)
              ON CONFLICT (name) DO UPDATE SET lab = excluded.lab, width_m = excluded.width_m, height_m = excluded.height_m,
-                floor = excluded.floor, registered_at = clock_timestamp(), held_until = NULL, held_reason = NULL",
+                floor = excluded.floor, contents = excluded.contents, registered_at = clock_timestamp(), held_until = NULL, held_reason = NULL",
         )
         .bind(&arena.name)
         .bind(&lab.name)
         .bind(arena.width_m)
         .bind(arena.height_m)
         .bind(&arena.floor)
+        .bind(contents)
         .execute(&mut *transaction)
         .await?;
         replace_robots(&mut transaction, &arena.name, &lab.robots).await?;
@@ -113,7 +117,7 @@ impl Store {
     /// Every arena and what it is doing.
     pub async fn arena_list(&self) -> Result<Vec<ArenaView>> {
         let rows: Vec<ArenaRow> = sqlx::query_as(
-            "SELECT a.name, a.width_m, a.height_m, a.floor,
+            "SELECT a.name, a.width_m, a.height_m, a.floor, a.contents::text AS contents,
                 coalesce(s.seen_at > clock_timestamp() - make_interval(secs => $1), false) AS connected,
                 coalesce(s.stopped, false) AS stopped,
                 EXISTS (SELECT FROM leases l WHERE l.arena = a.name) AS leased,
@@ -123,8 +127,14 @@ impl Store {
         .bind(SILENT_S)
         .fetch_all(&self.pool)
         .await?;
-        Ok(rows.into_iter().map(ArenaRow::into_view).collect())
+        rows.into_iter().map(ArenaRow::into_view).collect()
     }
+}
+
+/// Obstacles, floor regions and tilt as they were registered.
+pub(crate) fn contents_of(text: Option<&str>) -> Result<Option<Contents>> {
+    let contents = text.map(serde_json::from_str).transpose();
+    contents.map_err(StoreError::corrupt("arena"))
 }
 
 /// Keeps runs off an arena for a while; the laboratory's next registration ends it earlier.
@@ -192,7 +202,7 @@ impl RobotRow {
 }
 
 impl ArenaRow {
-    fn into_view(self) -> ArenaView {
+    fn into_view(self) -> Result<ArenaView> {
         let (state, message) = if !self.connected {
             ("offline", Some("the laboratory is not connected".to_owned()))
         } else if self.stopped {
@@ -209,11 +219,12 @@ impl ArenaRow {
             width_m: self.width_m,
             height_m: self.height_m,
             floor: self.floor,
+            contents: contents_of(self.contents.as_deref())?,
         };
-        ArenaView {
+        Ok(ArenaView {
             arena,
             state: state.to_owned(),
             message,
-        }
+        })
     }
 }

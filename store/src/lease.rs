@@ -2,7 +2,7 @@
 
 use crate::connect::Store;
 use crate::error::{Result, StoreError, seconds};
-use crate::laboratory::hold_arena;
+use crate::laboratory::{contents_of, hold_arena};
 use crate::outcome::{Beat, Claim, ClaimedRun, Fence, Reported, Salvaged};
 use crate::run::{LockedRun, lock_run, move_run};
 use crate::state::{LostAttempt, after_lost_attempt, fault, fault_of_cancel};
@@ -20,6 +20,7 @@ struct ArenaRow {
     width_m: f64,
     height_m: f64,
     floor: String,
+    contents: Option<String>,
 }
 
 #[derive(sqlx::FromRow)]
@@ -63,6 +64,7 @@ impl Store {
                 width_m: arena.width_m,
                 height_m: arena.height_m,
                 floor: arena.floor,
+                contents: contents_of(arena.contents.as_deref())?,
             },
             robots: robots
                 .iter()
@@ -187,7 +189,7 @@ impl Store {
 /// Locks the arena against other claims; none when it is unknown, someone else's, stopped or held.
 async fn lock_free_arena(connection: &mut PgConnection, claim: &Claim) -> Result<Option<ArenaRow>> {
     let row = sqlx::query_as(
-        "SELECT a.name, a.width_m, a.height_m, a.floor FROM arenas a
+        "SELECT a.name, a.width_m, a.height_m, a.floor, a.contents::text AS contents FROM arenas a
          WHERE a.name = $1 AND a.lab = $2 AND (a.held_until IS NULL OR a.held_until <= clock_timestamp())
            AND NOT EXISTS (SELECT FROM arena_status s WHERE s.arena = a.name AND s.stopped)
          FOR UPDATE OF a",

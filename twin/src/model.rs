@@ -88,6 +88,15 @@ pub(crate) struct Model {
     pub(crate) tyre: Option<Tyre>,
 }
 
+/// Force of a collision, spread over one physics step, in body axes.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Push {
+    /// N, N, N m about the centre of mass.
+    pub(crate) force: [f64; 3],
+    /// What it gives the centre of mass; loads and accelerometer leave it out, as it acts at the height of the hull.
+    pub(crate) m_per_s2: [f64; 2],
+}
+
 /// From the servo's angle to the bicycle angle of the wheels: scale (servo + shift) + offset.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct WheelSteering {

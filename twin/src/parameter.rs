@@ -162,7 +162,7 @@ const ANGLE: Range = range(
     "give the largest bicycle angle in radians, or null for none",
 );
 
-fn problem(
+pub(crate) fn problem(
     field: impl Into<String>,
     message: impl Into<String>,
     limit: impl Into<String>,
@@ -176,7 +176,7 @@ fn problem(
     }
 }
 
-fn check_value(problems: &mut Vec<ParameterError>, prefix: &str, value: f64, range: &Range) {
+pub(crate) fn check_value(problems: &mut Vec<ParameterError>, prefix: &str, value: f64, range: &Range) {
     if value.is_finite() && (range.low..=range.high).contains(&value) {
         return;
     }

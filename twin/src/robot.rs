@@ -9,6 +9,7 @@ use crate::model::Model;
 use crate::parameter;
 pub use crate::parameter::ParameterError;
 use crate::twist::BodyTwist;
+use crate::world::floor::Floor;
 
 /// A robot as it stands in `run.json` (`robot`) and in the laboratory's file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -225,6 +226,15 @@ impl Robot {
     pub(crate) fn runtime(&self) -> Option<Runtime> {
         let dynamics = self.dynamics.as_ref()?;
         Some(Runtime::new(dynamics, &self.nominal, &self.model))
+    }
+
+    /// The same on a floor with regions or tilt, which act like effects.
+    pub(crate) fn runtime_on(&self, floor: &Floor) -> Option<Runtime> {
+        if floor.is_even() && !floor.is_tilted() {
+            return self.runtime();
+        }
+        let dynamics = self.dynamics.clone().unwrap_or_default().on_floor(floor);
+        Some(Runtime::new(&dynamics, &self.nominal, &self.model))
     }
 
     pub(crate) fn sensors(&self) -> &[SensorStage] {

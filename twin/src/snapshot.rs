@@ -5,18 +5,21 @@ use serde::{Deserialize, Serialize};
 /// State of a world after a tick, exact to the bit: every number is its 64 bits in hexadecimal.
 ///
 /// A world restored from it continues identically at every later tick, digest included. It belongs to worlds of the
-/// same arena, robots and twin version; others refuse it.
+/// same arena, contents, robots and twin version; others refuse it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Snapshot {
     /// [`crate::VERSION`] that wrote it.
     pub twin_version: String,
-    /// Fingerprint of arena and robots.
+    /// Fingerprint of arena, contents and robots.
     pub world: String,
     pub tick: u64,
     pub digest: String,
     /// One string per robot, 16 characters per number.
     pub robots: Vec<String>,
+    /// The same for every pushable obstacle.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub obstacles: Vec<String>,
 }
 
 pub(crate) fn encoded(words: &[f64]) -> String {

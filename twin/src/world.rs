@@ -1,25 +1,41 @@
 //! Robots in an arena, one control tick at a time.
 
+mod check;
+mod contents;
+pub(crate) mod floor;
+pub(crate) mod obstacle;
+mod scene;
+pub(crate) mod shape;
+mod start;
+
 use serde::{Deserialize, Serialize};
 
 use crate::SUBSTEPS;
 use crate::command::WheelCommand;
-use crate::contact::{self, Sweep};
+use crate::contact::{self, Furniture, Sweep, Swept, Touches};
 pub use crate::digest::Digest;
 use crate::digest::TickHasher;
 use crate::effect::Runtime;
 use crate::free::substep;
 use crate::model::Model;
-use crate::pose::Pose;
+use crate::parameter::ParameterError;
+use crate::pose::{Pose, wrapped_rad};
 use crate::robot::Robot;
 pub use crate::snapshot::Snapshot;
 use crate::snapshot::{decoded, encoded};
 pub use crate::state::RobotState;
 use crate::state::{BodyState, MAX_WORDS};
+pub use contents::{Contents, FixedObstacle, FloorRegion, MAX_FIXED, MAX_PUSHABLE, MAX_REGIONS, PushableObstacle};
+use floor::Floor;
+use obstacle::ObstacleBody;
+pub use obstacle::ObstacleState;
+pub use scene::Scene;
+pub use shape::Shape;
+use start::{check_start, fingerprint, wall_distance_m};
 
 /// Most robots in one world.
 pub const MAX_ROBOTS: usize = 4096;
-/// Overlap of two bounding circles, or of one with a wall, at the start that is taken as touching, m.
+/// Overlap of two things, or of one with a wall, at the start that is taken as touching, m.
 const START_OVERLAP_M: f64 = 1e-3;
 
 /// Rectangle with walls, centred at the world origin.
@@ -41,6 +57,22 @@ pub struct Contact {
     pub b: Option<u32>,
 }
 
+/// An obstacle by its position in [`Contents::fixed`] or [`Contents::pushable`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Obstacle {
+    Fixed(u32),
+    Pushable(u32),
+}
+
+/// A robot and an obstacle that pushed each other during a tick.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct ObstacleContact {
+    /// Position of the robot in the world.
+    pub robot: u32,
+    pub obstacle: Obstacle,
+}
+
 /// Why a world cannot be made, stepped or restored.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum WorldError {
@@ -54,6 +86,8 @@ pub enum WorldError {
     StartNotFinite { robot: usize, name: String },
     #[error("robot {robot} ({name}) starts {beyond_m} m inside or beyond a wall")]
     StartOutside { robot: usize, name: String, beyond_m: f64 },
+    #[error("contents.{0}")]
+    Contents(ParameterError),
     #[error("robots {a} and {b} start with their bounding circles overlapping by {overlap_m} m")]
     StartOverlap { a: usize, b: usize, overlap_m: f64 },
     #[error("{got} commands for {robots} robots")]
@@ -72,6 +106,8 @@ pub enum WorldError {
         name: String,
         state: String,
     },
+    #[error("tick {tick}: pushable obstacle {obstacle} ({name}) left the finite range")]
+    ObstacleNotFinite { tick: u64, obstacle: usize, name: String },
     #[error("snapshot does not fit: {reason}")]
     Snapshot { reason: String },
 }
@@ -80,6 +116,9 @@ pub enum WorldError {
 #[derive(Debug, Clone)]
 pub struct World {
     arena: Arena,
+    contents: Contents,
+    floor: Floor,
+    furniture: Furniture,
     names: Vec<String>,
     models: Vec<Model>,
     radii_m: Vec<f64>,
@@ -87,9 +126,11 @@ pub struct World {
     sweep_radii_m: Vec<f64>,
     runtimes: Vec<Option<Runtime>>,
     states: Vec<BodyState>,
+    /// Of the pushable obstacles.
+    obstacles: Vec<ObstacleBody>,
     tick: u64,
     sweep: Sweep,
-    contacts: Vec<Contact>,
+    touches: Touches,
     fingerprint: Digest,
     digest: Digest,
     hashing: bool,
@@ -98,15 +139,23 @@ pub struct World {
 }
 
 impl World {
-    /// Robots at rest at their start poses, each with the radius of its bounding circle, m.
+    /// Robots at rest at their start poses in an empty arena, each with the radius of its bounding circle, m.
     ///
     /// - Errors: no or too many robots, a start pose that is not finite, outside the walls or overlapping another.
     pub fn new(arena: Arena, robots: Vec<(Robot, Pose, f64)>) -> Result<World, WorldError> {
-        check_start(&arena, &robots)?;
-        let fingerprint = fingerprint(&arena, &robots);
-        let count = robots.len();
+        World::furnished(arena, Contents::default(), robots)
+    }
+
+    /// The same in an arena with obstacles, floor regions and tilt. Empty contents change no bit.
+    ///
+    /// - Errors: as [`World::new`], the first problem of [`Contents::check`], or a robot that starts in an obstacle.
+    pub fn furnished(arena: Arena, contents: Contents, robots: Vec<(Robot, Pose, f64)>) -> Result<World, WorldError> {
+        check_start(&arena, &contents, &robots)?;
+        let fingerprint = fingerprint(&arena, &contents, &robots);
+        let floor = Floor::new(&contents);
         Ok(World {
             arena,
+            furniture: Furniture::new(&contents),
             names: robots.iter().map(|(robot, _, _)| robot.name().to_owned()).collect(),
             models: robots.iter().map(|(robot, _, _)| robot.model().clone()).collect(),
             radii_m: robots.iter().map(|(_, _, radius_m)| *radius_m).collect(),
@@ -117,14 +166,21 @@ impl World {
                     radius_m + (x * x + y * y).sqrt()
                 })
                 .collect(),
-            runtimes: robots.iter().map(|(robot, _, _)| robot.runtime()).collect(),
+            runtimes: robots.iter().map(|(robot, _, _)| robot.runtime_on(&floor)).collect(),
             states: robots
                 .iter()
                 .map(|(robot, pose, _)| BodyState::at_rest(robot.model(), *pose))
                 .collect(),
+            obstacles: contents
+                .pushable
+                .iter()
+                .map(|one| ObstacleBody::at_rest(one.pose))
+                .collect(),
             tick: 0,
-            sweep: Sweep::new(count),
-            contacts: Vec::new(),
+            sweep: Sweep::new(robots.len(), contents.pushable.len()),
+            touches: Touches::default(),
+            contents,
+            floor,
             fingerprint,
             digest: fingerprint,
             hashing: true,
@@ -148,9 +204,16 @@ impl World {
             return Err(failure.clone());
         }
         self.check_commands(commands)?;
-        self.contacts.clear();
-        let reach_m = contact::reach_m(&self.models, &self.states);
-        self.sweep.find(&self.arena, &self.states, &self.sweep_radii_m, reach_m);
+        self.touches.clear();
+        let obstacles = (&self.furniture, self.obstacles.as_slice());
+        self.sweep.find(&Swept {
+            arena: &self.arena,
+            states: &self.states,
+            radii_m: &self.sweep_radii_m,
+            furniture: &self.furniture,
+            obstacles: &self.obstacles,
+            reach_m: contact::reach_m(&self.models, &self.states, &self.floor, obstacles),
+        });
         for state in &mut self.states {
             state.refresh_heading();
         }
@@ -162,14 +225,17 @@ impl World {
                 substep(&self.models[robot], &mut self.runtimes[robot], state, &commands[robot]);
             }
         }
-        if !self.sweep.involved.is_empty() {
+        self.coast_obstacles();
+        if !self.sweep.involved.is_empty() || !self.sweep.pushed_list.is_empty() {
             let bodies = contact::Bodies {
                 models: &self.models,
                 radii_m: &self.radii_m,
                 runtimes: &mut self.runtimes,
                 states: &mut self.states,
+                furniture: &self.furniture,
+                obstacles: &mut self.obstacles,
             };
-            contact::resolve_tick(&self.arena, bodies, commands, &self.sweep.involved, &mut self.contacts);
+            contact::resolve_tick(&self.arena, bodies, commands, &self.sweep, &mut self.touches);
         }
         self.tick += 1;
         self.check_states()?;
@@ -177,6 +243,20 @@ impl World {
             self.hash_tick();
         }
         Ok(())
+    }
+
+    /// Obstacles that move and can touch nothing in this tick; those at rest are left alone.
+    fn coast_obstacles(&mut self) {
+        for (index, body) in self.obstacles.iter_mut().enumerate() {
+            body.yaw_rad = wrapped_rad(body.yaw_rad);
+            let constants = &self.furniture.pushable[index];
+            if self.sweep.pushed[index] || !constants.is_restless(body) {
+                continue;
+            }
+            for _ in 0..SUBSTEPS {
+                *body = constants.coast(body);
+            }
+        }
     }
 
     fn check_commands(&self, commands: &[WheelCommand]) -> Result<(), WorldError> {
@@ -201,7 +281,7 @@ impl World {
 
     fn check_states(&mut self) -> Result<(), WorldError> {
         let Some(robot) = self.states.iter().position(|state| !state.is_finite()) else {
-            return Ok(());
+            return self.check_obstacles();
         };
         let state = self.states[robot].non_finite_field(&self.models[robot]);
         let failure = WorldError::NotFinite {
@@ -220,6 +300,22 @@ impl World {
         Err(failure)
     }
 
+    fn check_obstacles(&mut self) -> Result<(), WorldError> {
+        let Some(obstacle) = self.obstacles.iter().position(|body| !body.is_finite()) else {
+            return Ok(());
+        };
+        let failure = WorldError::ObstacleNotFinite {
+            tick: self.tick,
+            obstacle,
+            name: self.contents.pushable[obstacle].name.clone(),
+        };
+        for body in self.obstacles.iter_mut().filter(|body| !body.is_finite()) {
+            *body = ObstacleBody::at_rest(Pose::default());
+        }
+        self.failure = Some(failure.clone());
+        Err(failure)
+    }
+
     fn hash_tick(&mut self) {
         self.hasher.begin(self.digest, self.tick);
         for ((state, model), runtime) in self.states.iter().zip(&self.models).zip(&self.runtimes) {
@@ -227,6 +323,9 @@ impl World {
             if let Some(runtime) = runtime {
                 self.hasher.numbers(runtime.words());
             }
+        }
+        for body in &self.obstacles {
+            self.hasher.numbers(body.words().into_iter());
         }
         self.digest = self.hasher.finish();
     }
@@ -246,6 +345,41 @@ impl World {
         self.arena
     }
 
+    /// What stands in the arena, as it was at the start.
+    pub fn contents(&self) -> &Contents {
+        &self.contents
+    }
+
+    /// State of a pushable obstacle after the last tick, by its position in [`Contents::pushable`].
+    ///
+    /// # Panics
+    /// If `obstacle` is not below the number of pushable obstacles.
+    pub fn obstacle(&self, obstacle: usize) -> ObstacleState {
+        self.obstacles[obstacle].view()
+    }
+
+    /// What stands around a robot now, for its range sensors: walls, obstacles, bounding circles of the other robots.
+    pub fn scene_around(&self, robot: usize) -> Scene {
+        let mut scene = Scene {
+            arena: self.arena,
+            circles: Vec::new(),
+            boxes: Vec::new(),
+        };
+        for other in (0..self.states.len()).filter(|other| *other != robot) {
+            let (x_m, y_m) = self.origin_m(other);
+            let pose = Pose { x_m, y_m, yaw_rad: 0.0 };
+            let radius_m = self.radii_m[other];
+            scene.add(Shape::Circle { radius_m }, pose);
+        }
+        for one in &self.contents.fixed {
+            scene.add(one.shape, one.pose);
+        }
+        for (one, body) in self.contents.pushable.iter().zip(&self.obstacles) {
+            scene.add(one.shape, body.pose());
+        }
+        scene
+    }
+
     /// State of a robot after the last tick.
     ///
     /// # Panics
@@ -259,7 +393,12 @@ impl World {
 
     /// Pairs that pushed each other during the last tick, in order.
     pub fn contacts_this_tick(&self) -> &[Contact] {
-        &self.contacts
+        &self.touches.robots
+    }
+
+    /// Robots and obstacles that pushed each other during the last tick, in order.
+    pub fn obstacle_contacts_this_tick(&self) -> &[ObstacleContact] {
+        &self.touches.obstacles
     }
 
     /// Smallest distance between two bounding circles, m (negative: overlap); `None` with one robot.
@@ -287,7 +426,7 @@ impl World {
         self.states[robot].origin_m(&self.models[robot])
     }
 
-    /// Witness of the trace so far; depends on arena, robots, start poses, commands and nothing else.
+    /// Witness of the trace so far; depends on arena, contents, robots, start poses, commands and nothing else.
     pub fn digest(&self) -> Digest {
         self.digest
     }
@@ -308,6 +447,7 @@ impl World {
             tick: self.tick,
             digest: self.digest.to_string(),
             robots: robots.collect(),
+            obstacles: self.obstacles.iter().map(|body| encoded(&body.words())).collect(),
         }
     }
 
@@ -323,8 +463,9 @@ impl World {
                 crate::VERSION
             )));
         }
-        if snapshot.world != self.fingerprint.to_string() || snapshot.robots.len() != self.states.len() {
-            return Err(refused("arena, robots or start poses differ".to_owned()));
+        let counts = [snapshot.robots.len(), snapshot.obstacles.len()];
+        if snapshot.world != self.fingerprint.to_string() || counts != [self.states.len(), self.obstacles.len()] {
+            return Err(refused("arena, contents, robots or start poses differ".to_owned()));
         }
         let digest = Digest::parse(&snapshot.digest).ok_or_else(|| refused("damaged digest".to_owned()))?;
         let mut states = Vec::with_capacity(self.states.len());
@@ -336,11 +477,19 @@ impl World {
                 None => return Err(refused(format!("damaged state of robot {robot}"))),
             }
         }
+        let mut obstacles = Vec::with_capacity(self.obstacles.len());
+        for (obstacle, text) in snapshot.obstacles.iter().enumerate() {
+            match decoded(text).and_then(|words| ObstacleBody::from_words(&words)) {
+                Some(body) => obstacles.push(body),
+                None => return Err(refused(format!("damaged state of obstacle {obstacle}"))),
+            }
+        }
         self.runtimes = runtimes;
         self.states = states;
+        self.obstacles = obstacles;
         self.tick = snapshot.tick;
         self.digest = digest;
-        self.contacts.clear();
+        self.touches.clear();
         self.failure = None;
         Ok(())
     }
@@ -363,78 +512,4 @@ fn restored(words: &[f64], model: &Model, runtime: &mut Option<Runtime>) -> Opti
 fn gap_m(a: (f64, f64), b: (f64, f64), radii_m: f64) -> f64 {
     let (dx, dy) = (b.0 - a.0, b.1 - a.1);
     (dx * dx + dy * dy).sqrt() - radii_m
-}
-
-fn wall_distance_m(arena: &Arena, x_m: f64, y_m: f64, radius_m: f64) -> f64 {
-    (0.5 * arena.width_m - x_m.abs()).min(0.5 * arena.height_m - y_m.abs()) - radius_m
-}
-
-fn check_start(arena: &Arena, robots: &[(Robot, Pose, f64)]) -> Result<(), WorldError> {
-    let side = 0.1..=1000.0;
-    if !side.contains(&arena.width_m) || !side.contains(&arena.height_m) {
-        return Err(WorldError::Arena {
-            width_m: arena.width_m,
-            height_m: arena.height_m,
-        });
-    }
-    if robots.is_empty() || robots.len() > MAX_ROBOTS {
-        return Err(WorldError::RobotCount { count: robots.len() });
-    }
-    for (index, (robot, pose, radius_m)) in robots.iter().enumerate() {
-        let name = || robot.name().to_owned();
-        if !(0.001..=10.0).contains(radius_m) {
-            return Err(WorldError::BoundingRadius {
-                robot: index,
-                name: name(),
-                radius_m: *radius_m,
-            });
-        }
-        if !pose.is_finite() {
-            return Err(WorldError::StartNotFinite {
-                robot: index,
-                name: name(),
-            });
-        }
-        let distance_m = wall_distance_m(arena, pose.x_m, pose.y_m, *radius_m);
-        if distance_m < -START_OVERLAP_M {
-            return Err(WorldError::StartOutside {
-                robot: index,
-                name: name(),
-                beyond_m: -distance_m,
-            });
-        }
-        for (before, (_, other, other_radius_m)) in robots[..index].iter().enumerate() {
-            let overlap_m = radius_m + other_radius_m - pose.distance_m(other);
-            if overlap_m > START_OVERLAP_M {
-                return Err(WorldError::StartOverlap {
-                    a: before,
-                    b: index,
-                    overlap_m,
-                });
-            }
-        }
-    }
-    Ok(())
-}
-
-/// Hash of everything a trace starts from.
-fn fingerprint(arena: &Arena, robots: &[(Robot, Pose, f64)]) -> Digest {
-    let mut bytes = crate::VERSION.as_bytes().to_vec();
-    let mut number = |value: f64| bytes.extend_from_slice(&value.to_bits().to_le_bytes());
-    number(arena.width_m);
-    number(arena.height_m);
-    for (_, pose, radius_m) in robots {
-        for value in [pose.x_m, pose.y_m, pose.yaw_rad, *radius_m] {
-            number(value);
-        }
-    }
-    for (robot, _, _) in robots {
-        let text = serde_json::to_string(robot.description()).unwrap_or_default();
-        bytes.extend_from_slice(text.as_bytes());
-        if !robot.effects().is_empty() {
-            let text = serde_json::to_string(robot.effects()).unwrap_or_default();
-            bytes.extend_from_slice(text.as_bytes());
-        }
-    }
-    Digest::of_bytes(&bytes)
 }

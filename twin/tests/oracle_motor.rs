@@ -72,7 +72,6 @@ fn stall_current_is_the_lesser_of_supply_over_resistance_and_limit() {
 }
 
 #[test]
-#[ignore = "each physics step lets the body run free before the wall stops it, so a stalled wheel creeps 2.3 times too fast"]
 fn a_wheel_stalled_at_a_wall_creeps_at_the_slip_that_carries_its_torque() {
     // W is the root of n k (V - n k W)/R = t_c tanh(W/0.3) + b W + R mu N tanh(R W/s0): 0.238 rad/s.
     let load = 12.0 * 9.81 / 4.0;

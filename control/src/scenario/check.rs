@@ -84,6 +84,14 @@ fn check_arena(scenario: &Scenario, problems: &mut Problems) {
             );
         }
     }
+    for problem in arena.contents.check(&arena.walls()) {
+        problems.add(
+            format!("arena.contents.{}", problem.field),
+            problem.message,
+            problem.limit,
+            problem.remedy,
+        );
+    }
     if scenario.experiment.arena != arena.name {
         let message = format!("the arena {:?} is not here", scenario.experiment.arena);
         problems.add(
@@ -311,6 +319,15 @@ fn check_starts(scenario: &Scenario, problems: &mut Problems) {
                 radius_m(scenario, i),
             );
         }
+        let contents = &scenario.arena.contents;
+        let radius_m = radius_m(scenario, i);
+        let fixed = contents.fixed_overlap_m(start.x_m, start.y_m, radius_m);
+        let pushable = contents.pushable_overlap_m(start.x_m, start.y_m, radius_m);
+        let fixed = fixed.map(|(at, overlap_m)| (&contents.fixed[at].name, overlap_m));
+        let pushable = pushable.map(|(at, overlap_m)| (&contents.pushable[at].name, overlap_m));
+        if let Some((name, overlap_m)) = fixed.or(pushable) {
+            in_obstacle(problems, format!("robots[{i}].start"), name, [overlap_m, radius_m]);
+        }
     }
     for (j, second) in robots.iter().enumerate().take(MAX_ROBOTS) {
         for (i, first) in robots.iter().enumerate().take(j) {
@@ -332,6 +349,16 @@ fn check_starts(scenario: &Scenario, problems: &mut Problems) {
             }
         }
     }
+}
+
+/// A place where the bounding circle of a robot overlaps an obstacle; lengths are overlap and radius, m.
+fn in_obstacle(problems: &mut Problems, field: String, obstacle: &str, [overlap_m, radius_m]: [f64; 2]) {
+    problems.add(
+        field,
+        format!("there the robot (radius {radius_m} m) would stand {overlap_m:.3} m inside the obstacle {obstacle:?}"),
+        format!("at least {radius_m} m from the obstacle"),
+        "move it away from the obstacle",
+    );
 }
 
 /// The whole bounding circle must lie inside the walls.
@@ -397,6 +424,12 @@ fn check_targets(scenario: &Scenario, problems: &mut Problems) {
             scenario.arena.height_m,
             radius_m(scenario, index),
         );
+        let contents = &scenario.arena.contents;
+        let radius_m = radius_m(scenario, index);
+        if let Some((at, overlap_m)) = contents.fixed_overlap_m(target.x_m, target.y_m, radius_m) {
+            let name = &contents.fixed[at].name;
+            in_obstacle(problems, format!("targets[{t}]"), name, [overlap_m, radius_m]);
+        }
         if let Some(yaw_rad) = target.yaw_rad {
             problems.finite(format!("targets[{t}].yaw_rad"), yaw_rad, "radians");
         }

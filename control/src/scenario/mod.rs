@@ -5,6 +5,7 @@ mod json;
 
 use serde::{Deserialize, Serialize};
 use twin::robot::RobotDescription;
+use twin::world::{Arena, Contents};
 
 /// Format string of an experiment document.
 pub const FORMAT: &str = "robopheus.experiment/1";
@@ -119,6 +120,19 @@ pub struct ScenarioArena {
     pub width_m: f64,
     pub height_m: f64,
     pub floor: String,
+    /// Obstacles, floor regions and tilt.
+    #[serde(default, skip_serializing_if = "Contents::is_empty")]
+    pub contents: Contents,
+}
+
+impl ScenarioArena {
+    /// Its walls, as the twin has them.
+    pub fn walls(&self) -> Arena {
+        Arena {
+            width_m: self.width_m,
+            height_m: self.height_m,
+        }
+    }
 }
 
 impl Scenario {

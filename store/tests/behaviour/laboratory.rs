@@ -77,6 +77,10 @@ async fn registering_again_replaces_the_robots() {
     changed.robots[0].number = second;
     changed.robots[1].number = first;
     changed.arena.width_m = 5.0;
+    changed.arena.contents = Some(api::arena::Contents {
+        tilt_x_rad: -0.02,
+        ..Default::default()
+    });
     world.store.lab_register(&changed).await.unwrap();
     let robots = world.store.robot_list().await.unwrap();
     assert_eq!(robots.len(), 5);

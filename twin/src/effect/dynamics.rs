@@ -3,8 +3,9 @@
 use super::Effect;
 use super::command::CommandStage;
 use crate::command::WheelCommand;
-use crate::model::Model;
+use crate::model::{Model, Push};
 use crate::state::BodyState;
+use crate::world::floor::Floor;
 use crate::{GRAVITY_M_PER_S2, MAX_WHEELS, PHYSICS_PERIOD_S, SLIP_SCALE_M_PER_S};
 
 /// Wheel speed that rounds the sign of spin in [`Law::Asymmetric`], rad/s; that of the dry friction.
@@ -43,6 +44,7 @@ enum Law {
         radius_m: f64,
         scale: f64,
     },
+    Regions(Floor),
     Tilt {
         x_rad: f64,
         y_rad: f64,
@@ -100,6 +102,21 @@ impl Dynamics {
         }
         let anything = !dynamics.commands.is_empty() || !dynamics.laws.is_empty() || model.tyre.is_some();
         anything.then_some(dynamics)
+    }
+
+    /// The same on a floor with regions or tilt.
+    pub(crate) fn on_floor(mut self, floor: &Floor) -> Dynamics {
+        if !floor.is_even() {
+            self.laws.push((Law::Regions(floor.clone()), self.words));
+        }
+        if floor.is_tilted() {
+            let tilt = Law::Tilt {
+                x_rad: floor.tilt_x_rad,
+                y_rad: floor.tilt_y_rad,
+            };
+            self.laws.push((tilt, self.words));
+        }
+        self
     }
 }
 
@@ -194,6 +211,8 @@ pub(crate) struct Runtime {
     base: Model,
     /// Constants of this step.
     pub(crate) live: Model,
+    /// Collision of this step; none outside of one.
+    pub(crate) push: Push,
     memory: Vec<f64>,
     step: u64,
 }
@@ -207,6 +226,7 @@ impl Runtime {
             nominal: nominal.clone(),
             live: base.clone(),
             base,
+            push: Push::default(),
             memory: vec![0.0; dynamics.words],
             step: 0,
         }
@@ -272,8 +292,8 @@ impl Runtime {
         live.per_ohm = base.per_ohm;
         live.powered = base.powered;
         live.wheel_steering = base.wheel_steering;
-        live.body_force = [0.0; 3];
-        live.gravity_m_per_s2 = [0.0; 2];
+        live.body_force = self.push.force;
+        live.gravity_m_per_s2 = self.push.m_per_s2;
         if let Some(tyre) = &mut live.tyre {
             for lane in 0..live.lanes {
                 tyre.rolling_m_per_s[lane] = (base.radius_m[lane] * state.wheel[lane]).abs();
@@ -346,6 +366,12 @@ impl Runtime {
                     if dx * dx + dy * dy < radius_m * radius_m {
                         live.friction[lane] *= scale;
                     }
+                }
+            }
+            Law::Regions(floor) => {
+                for lane in 0..live.lanes {
+                    let [wheel_x, wheel_y] = world_point(state, live.x_m[lane], live.y_m[lane]);
+                    live.friction[lane] *= floor.friction_scale(wheel_x, wheel_y);
                 }
             }
             Law::Tilt { x_rad, y_rad } => {

@@ -29,7 +29,7 @@ pub const TABLE: [Golden; 5] = [
     },
     Golden {
         name: "diff2-alone",
-        digest: "8d484674b1d559b6fc18a66c6f5ebca5",
+        digest: "e260e06e3c99e4c0d2e27a3f2da44414",
     },
     Golden {
         name: "awd-slippery",
@@ -37,11 +37,11 @@ pub const TABLE: [Golden; 5] = [
     },
     Golden {
         name: "head-on",
-        digest: "b34434bb9c503f8c097a753a8176a32c",
+        digest: "906e1e71898393eaffb9f66edcf34ea9",
     },
     Golden {
         name: "pile-up",
-        digest: "a99d0ce6a8cd7da3acd6ad1e556a3879",
+        digest: "d78b72d654d641a1022452bc0842ed11",
     },
 ];
 

@@ -2,6 +2,7 @@
 #![allow(dead_code)]
 
 pub mod drive;
+pub mod furnished;
 
 use twin::command::WheelCommand;
 use twin::robot::{Motor, Robot, RobotDescription, Steering, Wheel};
