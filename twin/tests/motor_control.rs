@@ -330,17 +330,18 @@ fn drive(free: &mut FreeRobot, command: &WheelCommand, seconds: f64, tail_s: f64
     };
     for wheel in 0..4 {
         let last = &seen[steps - tail..];
-        let swing = |pick: &dyn Fn(&([f64; 4], [f64; 4])) -> f64| {
-            let values = last.iter().map(pick);
-            values.clone().fold(f64::MIN, f64::max) - values.fold(f64::MAX, f64::min)
+        let swing = |values: &[f64]| {
+            values.iter().copied().fold(f64::MIN, f64::max) - values.iter().copied().fold(f64::MAX, f64::min)
         };
+        let speeds: Vec<f64> = last.iter().map(|(speed, _)| speed[wheel]).collect();
+        let currents: Vec<f64> = last.iter().map(|(_, current)| current[wheel]).collect();
         for (speed, _) in last {
             out.worst_rad_per_s = out
                 .worst_rad_per_s
                 .max((speed[wheel] - command.wheel_rad_per_s[wheel]).abs());
         }
-        out.swing_rad_per_s = out.swing_rad_per_s.max(swing(&|(speed, _)| speed[wheel]));
-        out.swing_a = out.swing_a.max(swing(&|(_, current)| current[wheel]));
+        out.swing_rad_per_s = out.swing_rad_per_s.max(swing(&speeds));
+        out.swing_a = out.swing_a.max(swing(&currents));
     }
     out
 }

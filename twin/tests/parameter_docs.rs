@@ -27,7 +27,7 @@ const TAIL: &str = "
 ## Together
 Numbers that are each in range are refused together when no robot can have them:
 * more than 6 wheels, or a wheel table that does not make the chassis;
-* two contact points less than 1 mm apart;
+* two contact points less than 1 mm apart, unless both are casters;
 * a yaw inertia above `m (2 r_b)^2`, all mass on a ring of twice the wheels' bounding radius `r_b`, or below
   `2 m^2 / (9 pi rho h)`, the paraboloid of the densest matter (22 600 kg/m^3) with its centre of mass at the height `h`
   (at least `r_b`);
@@ -61,6 +61,7 @@ fn row(parameter: &Parameter) -> String {
     };
     let bench = match parameter.practical {
         Practical::Relative(share) => format!("{} %", number(100.0 * share)),
+        Practical::Absolute(size) if parameter.whole => number(size),
         Practical::Absolute(size) => format!("{} {}", number(size), parameter.unit),
         Practical::Exact => "exact".to_owned(),
     };

@@ -149,14 +149,11 @@ fn without_a_controller_object_too() {
         // The loop that the firmware runs today is the same one.
         let twin_robot = robot(description.clone());
         let mut free = FreeRobot::at_rest(&twin_robot, Pose::default());
-        let mut loops = vec![
-            SpeedLoop::new(SpeedLoopSettings {
-                kp_v_s_per_rad: 0.8,
-                ki_v_per_rad: 6.0,
-                sample_s: 1.0 / 480.0,
-            });
-            4
-        ];
+        let mut loops = [SpeedLoop::new(SpeedLoopSettings {
+            kp_v_s_per_rad: 0.8,
+            ki_v_per_rad: 6.0,
+            sample_s: 1.0 / 480.0,
+        }); 4];
         for step in 0..2000 {
             let command = twin_robot.wheel_speeds(twist(step));
             let before = free.state();

@@ -13,12 +13,9 @@ const DENSEST_KG_PER_M3: f64 = 22_600.0;
 
 /// Only looks at what is in range by itself.
 pub(super) fn check(problems: &mut Vec<ParameterError>, robot: &RobotDescription) {
-    let numbers = robot
-        .wheels
-        .iter()
-        .enumerate()
-        .all(|(_, wheel)| table::WHEEL_X.allows(wheel.x_m) && table::WHEEL_Y.allows(wheel.y_m));
-    if !numbers || robot.wheels.is_empty() {
+    let mut wheels = robot.wheels.iter();
+    let placed = wheels.all(|wheel| table::WHEEL_X.allows(wheel.x_m) && table::WHEEL_Y.allows(wheel.y_m));
+    if !placed || robot.wheels.is_empty() {
         return;
     }
     check_spots(problems, robot);
