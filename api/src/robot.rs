@@ -57,6 +57,38 @@ pub struct Motor {
     pub coulomb_n_m: f64,
     pub speed_loop_kp_v_s_per_rad: f64,
     pub speed_loop_ki_v_per_rad: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub controller: Option<MotorController>,
+}
+
+/// Control of the motors; absent: speed PI at 480 Hz on the exact speed.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct MotorController {
+    /// `speed_pi` or `cascade` (outer speed, inner current PI).
+    pub kind: String,
+    /// A divisor or a multiple of 480 Hz, 10 to 9600.
+    pub sample_rate_hz: u32,
+    pub computation_delay_samples: u32,
+    /// Counts of one turn of the wheel; absent: the speed is known exactly.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub encoder_ticks_per_rev: Option<u32>,
+    /// Given exactly with an encoder.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub speed_window_samples: Option<u32>,
+    /// The four gains are given exactly for a cascade.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub speed_kp_a_s_per_rad: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub speed_ki_a_per_rad: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub current_kp_v_per_a: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub current_ki_v_per_a_s: Option<f64>,
+    /// Largest current a cascade asks for; absent: that of the motor.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub current_limit_a: Option<f64>,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -174,3 +174,15 @@ fn bodies_pass_through_neither_walls_nor_one_another() {
     assert!(deepest_m > 0.0, "nothing touched");
     assert!(deepest_m < 0.01, "{deepest_m}");
 }
+
+#[test]
+fn a_controller_that_is_not_emulated_is_refused() {
+    let mut description = reference().robots[0].description.clone();
+    let controller = r#"{"kind":"speed_pi","sample_rate_hz":480,"computation_delay_samples":1}"#;
+    if let Some(motor) = &mut description.motor {
+        motor.controller = serde_json::from_str(controller).ok();
+        assert!(motor.controller.is_some());
+    }
+    let refused = Body::new(&description, 0.25, &hidden().robot(""), &STILL, &mut Noise::new(1, 1));
+    assert!(refused.is_err_and(|error| error.to_string().contains("motor.controller")));
+}

@@ -12,6 +12,7 @@ pub mod firmware;
 pub mod frame;
 mod hex;
 pub mod key;
+pub mod motor_control;
 pub mod speed_loop;
 pub mod watchdog;
 

@@ -1,5 +1,7 @@
 //! Wheel speed control: PI on the wheel speed with a voltage as its output.
 
+use crate::motor_control::{Pi, PiSettings};
+
 /// Gains and sample time of a wheel's speed loop.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SpeedLoopSettings {
@@ -10,42 +12,33 @@ pub struct SpeedLoopSettings {
 
 /// V = clamp(k_p e + k_i int e, +-V_bus) with e = W_cmd - W and |k_i int e| <= V_bus; sampled, output held.
 ///
-/// The integral takes the present error before the output is computed.
+/// The integral takes the present error before the output is computed. The twin's speed loop is the same to the bit.
 #[derive(Debug, Clone, Copy)]
 pub struct SpeedLoop {
-    settings: SpeedLoopSettings,
-    integral_v: f64,
+    pi: Pi,
 }
 
 impl SpeedLoop {
     pub fn new(settings: SpeedLoopSettings) -> Self {
         Self {
-            settings,
-            integral_v: 0.0,
+            pi: Pi::new(PiSettings {
+                proportional: settings.kp_v_s_per_rad,
+                integral: settings.ki_v_per_rad,
+                sample_s: settings.sample_s,
+            }),
         }
     }
 
     /// Forgets the integral, for a wheel that stands.
     pub fn reset(&mut self) {
-        self.integral_v = 0.0;
+        self.pi.reset();
     }
 
     /// Motor voltage for the next sample.
     ///
     /// - Never NaN: an input that is not finite gives 0 V and leaves the integral as it is.
     pub fn step(&mut self, wheel: WheelSpeed, bus_v: f64) -> f64 {
-        let error_rad_per_s = wheel.command_rad_per_s - wheel.measured_rad_per_s;
-        if !error_rad_per_s.is_finite() || !bus_v.is_finite() {
-            return 0.0;
-        }
-        let limit_v = bus_v.max(0.0);
-        let SpeedLoopSettings {
-            kp_v_s_per_rad,
-            ki_v_per_rad,
-            sample_s,
-        } = self.settings;
-        self.integral_v = (self.integral_v + ki_v_per_rad * error_rad_per_s * sample_s).clamp(-limit_v, limit_v);
-        (kp_v_s_per_rad * error_rad_per_s + self.integral_v).clamp(-limit_v, limit_v)
+        self.pi.step(wheel.command_rad_per_s - wheel.measured_rad_per_s, bus_v)
     }
 }
 

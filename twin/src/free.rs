@@ -3,6 +3,7 @@
 use crate::command::WheelCommand;
 use crate::effect::Runtime;
 use crate::model::Model;
+use crate::motor_control;
 use crate::pose::Pose;
 use crate::robot::Robot;
 use crate::state::BodyState;
@@ -17,7 +18,7 @@ pub struct Start {
     pub twist: BodyTwist,
     /// By position in `wheels`.
     pub wheel_rad_per_s: [f64; MAX_WHEELS],
-    /// By position in `wheels`; the speed loop's integral is set so that it holds this current at this wheel speed.
+    /// By position in `wheels`; the control's integrals are set so that it holds this current at this wheel speed.
     pub current_a: [f64; MAX_WHEELS],
     pub steering_rad: f64,
 }
@@ -62,6 +63,9 @@ impl FreeRobot {
                 state.current[lane] = current_a;
                 state.integral[lane] = motor.settled_integral_rad(voltage_v);
             }
+        }
+        if let Some(drives) = free.runtime.as_mut().and_then(|runtime| runtime.drives.as_mut()) {
+            drives.take_over(model, state);
         }
         free
     }
@@ -137,6 +141,9 @@ pub(crate) fn substep(model: &Model, runtime: &mut Option<Runtime>, state: &mut 
 fn substep_with(runtime: &mut Runtime, state: &mut BodyState, command: &WheelCommand, refinement: u32) {
     let command = runtime.commanded(command);
     runtime.prepare(state);
+    if let Some(drives) = &mut runtime.drives {
+        return motor_control::substep(drives, &runtime.live, state, &command, refinement);
+    }
     substep_refined(&runtime.live, state, &command, refinement);
 }
 
@@ -145,16 +152,22 @@ fn substep_refined(model: &Model, state: &mut BodyState, command: &WheelCommand,
     sample_controls(model, state, command);
     let period_s = PHYSICS_PERIOD_S / f64::from(refinement);
     for _ in 0..refinement {
-        let Some(steering) = &model.steering else {
-            kernel::advance(model, state, period_s);
-            continue;
-        };
-        // The contact sees the steering angle in the middle of the step.
-        let end_rad = steering.advanced_rad(state.steering_rad, command.steering_rad, period_s);
-        state.steering_rad = steering.advanced_rad(state.steering_rad, command.steering_rad, 0.5 * period_s);
-        kernel::advance(model, state, period_s);
-        state.steering_rad = end_rad;
+        integrate(model, state, command, period_s);
     }
+}
+
+/// Steering and physics over a step with the voltages held.
+#[inline(always)]
+pub(crate) fn integrate(model: &Model, state: &mut BodyState, command: &WheelCommand, period_s: f64) {
+    let Some(steering) = &model.steering else {
+        kernel::advance(model, state, period_s);
+        return;
+    };
+    // The contact sees the steering angle in the middle of the step.
+    let end_rad = steering.advanced_rad(state.steering_rad, command.steering_rad, period_s);
+    state.steering_rad = steering.advanced_rad(state.steering_rad, command.steering_rad, 0.5 * period_s);
+    kernel::advance(model, state, period_s);
+    state.steering_rad = end_rad;
 }
 
 /// Speed loops at their sampling instant; without a motor model the driven wheels take their commanded speed.

@@ -20,6 +20,7 @@ pub mod math;
 mod model;
 pub mod model_document;
 mod motor;
+pub mod motor_control;
 pub mod pairing;
 pub mod parameter;
 pub mod pose;

@@ -6,6 +6,8 @@ use crate::command::WheelCommand;
 use crate::effect::{self, Dynamics, Effect, Runtime, SensorStage};
 use crate::kinematics;
 use crate::model::Model;
+use crate::motor_control::Drives;
+pub use crate::motor_control::MotorController;
 use crate::parameter;
 pub use crate::parameter::ParameterError;
 use crate::twist::BodyTwist;
@@ -68,6 +70,9 @@ pub struct Motor {
     pub coulomb_n_m: f64,
     pub speed_loop_kp_v_s_per_rad: f64,
     pub speed_loop_ki_v_per_rad: f64,
+    /// Absent: speed PI at 480 Hz with the two gains above, without delay, on the exact speed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub controller: Option<MotorController>,
 }
 
 /// Steering gear of the bicycle angle.
@@ -222,10 +227,18 @@ impl Robot {
         &self.model
     }
 
-    /// What its effects carry from step to step; none without such effects.
+    /// What its effects and motor controllers carry from step to step; none without such effects and controllers.
     pub(crate) fn runtime(&self) -> Option<Runtime> {
-        let dynamics = self.dynamics.as_ref()?;
-        Some(Runtime::new(dynamics, &self.nominal, &self.model))
+        let drives = self.drives();
+        if self.dynamics.is_none() && drives.is_none() {
+            return None;
+        }
+        let dynamics = self.dynamics.clone().unwrap_or_default();
+        Some(Runtime::new(dynamics, drives, &self.nominal, &self.model))
+    }
+
+    fn drives(&self) -> Option<Drives> {
+        Drives::new(self.description.motor.as_ref(), &self.model)
     }
 
     /// The same on a floor with regions or tilt, which act like effects.
@@ -234,7 +247,7 @@ impl Robot {
             return self.runtime();
         }
         let dynamics = self.dynamics.clone().unwrap_or_default().on_floor(floor);
-        Some(Runtime::new(&dynamics, &self.nominal, &self.model))
+        Some(Runtime::new(dynamics, self.drives(), &self.nominal, &self.model))
     }
 
     pub(crate) fn sensors(&self) -> &[SensorStage] {

@@ -29,7 +29,12 @@ const EDGES: &[(&str, &[&str])] = &[
 ];
 
 /// Further packages that only the tests of a package may use.
-const TEST_EDGES: &[(&str, &[&str])] = &[("control", &["api"]), ("system-tests", &["control"])];
+const TEST_EDGES: &[(&str, &[&str])] = &[
+    ("control", &["api"]),
+    ("system-tests", &["control"]),
+    // The twin's motor control against the firmware's, bit for bit.
+    ("twin", &["robot"]),
+];
 
 /// Which packages alone may depend directly on a given package.
 const OWNERS: &[(&str, &[&str])] = &[

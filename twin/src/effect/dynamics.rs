@@ -4,6 +4,7 @@ use super::Effect;
 use super::command::CommandStage;
 use crate::command::WheelCommand;
 use crate::model::{Model, Push};
+use crate::motor_control::Drives;
 use crate::state::BodyState;
 use crate::world::floor::Floor;
 use crate::{GRAVITY_M_PER_S2, MAX_WHEELS, PHYSICS_PERIOD_S, SLIP_SCALE_M_PER_S};
@@ -201,7 +202,7 @@ impl Law {
     }
 }
 
-/// One robot's effects in motion.
+/// One robot's effects and motor controllers in motion.
 #[derive(Debug, Clone)]
 pub(crate) struct Runtime {
     dynamics: Dynamics,
@@ -213,21 +214,24 @@ pub(crate) struct Runtime {
     pub(crate) live: Model,
     /// Collision of this step; none outside of one.
     pub(crate) push: Push,
+    /// Motor control that the description spells out.
+    pub(crate) drives: Option<Drives>,
     memory: Vec<f64>,
     step: u64,
 }
 
 impl Runtime {
-    pub(crate) fn new(dynamics: &Dynamics, nominal: &Model, base: &Model) -> Runtime {
+    pub(crate) fn new(dynamics: Dynamics, drives: Option<Drives>, nominal: &Model, base: &Model) -> Runtime {
         let mut base = base.clone();
         base.contact_varies |= dynamics.laws.iter().any(|(law, _)| matches!(law, Law::Eccentricity { .. }));
         Runtime {
-            dynamics: dynamics.clone(),
             nominal: nominal.clone(),
             live: base.clone(),
             base,
             push: Push::default(),
             memory: vec![0.0; dynamics.words],
+            dynamics,
+            drives,
             step: 0,
         }
     }
@@ -238,16 +242,21 @@ impl Runtime {
         [self.step as f64, supply_v]
             .into_iter()
             .chain(self.memory.iter().copied())
+            .chain(self.drives.iter().flat_map(Drives::words))
     }
 
     pub(crate) fn word_count(&self) -> usize {
-        2 + self.memory.len()
+        2 + self.memory.len() + self.drives.as_ref().map_or(0, Drives::word_count)
     }
 
     /// Inverse of [`Runtime::words`]; `words` must be as many.
     pub(crate) fn restore(&mut self, words: &[f64]) {
         self.step = words[0] as u64;
-        self.memory.copy_from_slice(&words[2..]);
+        let (memory, rest) = words[2..].split_at(self.memory.len());
+        self.memory.copy_from_slice(memory);
+        if let Some(drives) = &mut self.drives {
+            drives.restore(rest);
+        }
         self.live = self.base.clone();
         // What a view shows between steps: supply and gears.
         if let Some(motor) = &mut self.live.motor {

@@ -140,6 +140,7 @@ pub fn reference_robot(chassis: &str) -> RobotDescription {
             coulomb_n_m: 0.02,
             speed_loop_kp_v_s_per_rad: 0.8,
             speed_loop_ki_v_per_rad: 6.0,
+            controller: None,
         }),
         steering: car.then_some(Steering {
             lag_s: 0.08,

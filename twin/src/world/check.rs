@@ -3,7 +3,7 @@
 use super::contents::{Contents, MAX_FIXED, MAX_PUSHABLE, MAX_REGIONS};
 use super::shape::{Placed, Shape};
 use super::{Arena, START_OVERLAP_M};
-use crate::parameter::{ParameterError, Range, check_value, problem, range};
+use crate::parameter::{ParameterError, Range, check_range, problem, range};
 use crate::pose::Pose;
 
 const RADIUS: Range = range("radius_m", "m", 0.01, 50.0, "give the radius in metres");
@@ -60,16 +60,16 @@ pub(super) fn check(contents: &Contents, arena: &Arena) -> Vec<ParameterError> {
         let at = format!("pushable[{index}]");
         check_name(&mut problems, &at, &one.name);
         check_place(&mut problems, &at, one.shape, one.pose, Inside::Whole(arena));
-        check_value(&mut problems, &format!("{at}."), one.mass_kg, &MASS);
-        check_value(&mut problems, &format!("{at}."), one.floor_friction, &FRICTION);
+        check_range(&mut problems, &format!("{at}."), one.mass_kg, &MASS);
+        check_range(&mut problems, &format!("{at}."), one.floor_friction, &FRICTION);
     }
     for (index, one) in contents.regions.iter().enumerate() {
         let at = format!("regions[{index}]");
         check_place(&mut problems, &at, one.shape, one.pose, Inside::Centre(arena));
-        check_value(&mut problems, &format!("{at}."), one.friction_scale, &SCALE);
+        check_range(&mut problems, &format!("{at}."), one.friction_scale, &SCALE);
     }
-    check_value(&mut problems, "", contents.tilt_x_rad, &TILT_X);
-    check_value(&mut problems, "", contents.tilt_y_rad, &TILT_Y);
+    check_range(&mut problems, "", contents.tilt_x_rad, &TILT_X);
+    check_range(&mut problems, "", contents.tilt_y_rad, &TILT_Y);
     if problems.is_empty() {
         check_apart(&mut problems, contents);
     }
@@ -107,14 +107,14 @@ enum Inside<'a> {
 fn check_place(problems: &mut Vec<ParameterError>, at: &str, shape: Shape, pose: Pose, inside: Inside<'_>) {
     let before = problems.len();
     match shape {
-        Shape::Circle { radius_m } => check_value(problems, &format!("{at}.shape.circle."), radius_m, &RADIUS),
+        Shape::Circle { radius_m } => check_range(problems, &format!("{at}.shape.circle."), radius_m, &RADIUS),
         Shape::Rectangle { length_m, width_m } => {
-            check_value(problems, &format!("{at}.shape.rectangle."), length_m, &LENGTH);
-            check_value(problems, &format!("{at}.shape.rectangle."), width_m, &WIDTH);
+            check_range(problems, &format!("{at}.shape.rectangle."), length_m, &LENGTH);
+            check_range(problems, &format!("{at}.shape.rectangle."), width_m, &WIDTH);
         }
     }
     for (value, range) in [(pose.x_m, &POSE_X), (pose.y_m, &POSE_Y), (pose.yaw_rad, &POSE_YAW)] {
-        check_value(problems, &format!("{at}.pose."), value, range);
+        check_range(problems, &format!("{at}.pose."), value, range);
     }
     if problems.len() > before {
         return;

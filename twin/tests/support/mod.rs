@@ -32,6 +32,7 @@ pub fn motor() -> Motor {
         coulomb_n_m: 0.02,
         speed_loop_kp_v_s_per_rad: 0.8,
         speed_loop_ki_v_per_rad: 6.0,
+        controller: None,
     }
 }
 
