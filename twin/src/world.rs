@@ -435,6 +435,10 @@ fn fingerprint(arena: &Arena, robots: &[(Robot, Pose, f64)]) -> Digest {
             let text = serde_json::to_string(robot.effects()).unwrap_or_default();
             bytes.extend_from_slice(text.as_bytes());
         }
+        if let Some(residual) = robot.residual() {
+            let text = serde_json::to_string(residual.document()).unwrap_or_default();
+            bytes.extend_from_slice(text.as_bytes());
+        }
     }
     Digest::of_bytes(&bytes)
 }
