@@ -389,6 +389,29 @@ fn check_chassis(problems: &mut Vec<ParameterError>, robot: &RobotDescription) {
     if car && steered == 2 && problems.is_empty() {
         check_steered_axle(problems, &robot.wheels);
     }
+    if chassis == "omni4" && driven == 2 && problems.is_empty() {
+        check_two_wheel_mode(problems, &robot.wheels);
+    }
+}
+
+/// Two driven omni wheels move the body along one line and turn it only when they roll in parallel and side by side.
+fn check_two_wheel_mode(problems: &mut Vec<ParameterError>, wheels: &[Wheel]) {
+    let mut driven = wheels.iter().enumerate().filter(|(_, wheel)| wheel.driven);
+    let (Some((i, a)), Some((k, b))) = (driven.next(), driven.next()) else {
+        return;
+    };
+    let angle = libm::sin(a.rolling_direction_rad - b.rolling_direction_rad);
+    let (sin, cos) = libm::sincos(a.rolling_direction_rad);
+    let apart_m = ((b.x_m - a.x_m) * sin - (b.y_m - a.y_m) * cos).abs();
+    let limit = "opposite wheels: rolling directions parallel within 0.05, lines at least 0.01 m apart";
+    let message = if angle.abs() > 0.05 {
+        format!("driven wheels {i} and {k} do not roll in parallel (sine of the angle between them {angle})")
+    } else if apart_m < 0.01 {
+        format!("driven wheels {i} and {k} roll along lines {apart_m} m apart and cannot turn the robot")
+    } else {
+        return;
+    };
+    problems.push(problem("wheels", message, limit, "drive two opposite wheels"));
 }
 
 fn check_steered_axle(problems: &mut Vec<ParameterError>, wheels: &[Wheel]) {
