@@ -269,7 +269,8 @@ fn the_inputs_are_what_their_names_say() {
     let sum: f64 = (0..4).map(|wheel| seen.value(Quantity::Load, wheel)).sum();
     assert!((sum - 12.0 * GRAVITY_M_PER_S2).abs() < 1e-9, "{sum} N");
     assert_eq!((of(Quantity::X), of(Quantity::Y)), (state.pose.x_m, state.pose.y_m));
-    let square = of(Quantity::HeadingCos).powi(2) + of(Quantity::HeadingSin).powi(2);
+    let (cos, sin) = (of(Quantity::HeadingCos), of(Quantity::HeadingSin));
+    let square = cos * cos + sin * sin;
     assert!((square - 1.0).abs() < 1e-15);
     assert!((of(Quantity::HeadingSin) - libm::sin(state.pose.yaw_rad)).abs() < 1e-15);
     let (u, v, r) = (of(Quantity::Forward), of(Quantity::Left), of(Quantity::YawRate));
