@@ -130,3 +130,57 @@ fn a_model_that_cannot_be_used_is_refused_by_field() {
     }
     std::fs::remove_dir_all(folder).expect("removed");
 }
+
+#[test]
+fn a_learned_residual_acts_in_the_replay() {
+    let folder = folder("residual");
+    let commands = bundle(&folder);
+    let path = folder.join("model.json");
+    let text = |path: &Path| path.display().to_string();
+    // 0.5 m/s^2 against the way, whatever the robot does.
+    let model = |residual: Value| json!({"format": "robopheus.model/1", "id": "", "robot": robot(), "floor": "lab-floor", "effects": [], "residual": residual});
+    let residual = json!({"format": "robopheus.residual/1", "fade": 0.25,
+        "inputs": [{"name": "forward_m_per_s", "mean": 0.0, "scale": 1.0, "low": -5.0, "high": 5.0}],
+        "layers": [{"weights": [0.0], "bias": [1.0], "activation": "linear"}],
+        "outputs": [{"name": "acceleration_forward_m_per_s2", "scale": -0.5, "limit": 1.0}]});
+    let replay = |name: &str, residual: Value| {
+        std::fs::write(&path, model(residual).to_string()).expect("model.json");
+        let out = folder.join(name);
+        let done = simulate(&[
+            "--model",
+            &text(&path),
+            "--commands",
+            &text(&commands),
+            "--out",
+            &text(&out),
+        ]);
+        (done, out)
+    };
+    let (first, plain) = replay("plain", Value::Null);
+    let (second, pushed) = replay("pushed", residual.clone());
+    assert!(
+        first.status.success() && second.status.success(),
+        "{first:?} {second:?}"
+    );
+    // At steady speed each of the four motors gives m a/(4 cos 45) R/(n k_t) more current; its sign is that of its wheel.
+    let robot = robot();
+    let number = |path: &str| robot.pointer(path).and_then(Value::as_f64).expect("a number");
+    let torque_per_ampere = number("/motor/gear_ratio") * number("/motor/torque_constant_n_m_per_a");
+    let force_n = 0.5 * number("/mass_kg") / (4.0 * core::f64::consts::FRAC_1_SQRT_2);
+    let expected_a = force_n * number("/wheels/0/radius_m") / torque_per_ampere;
+    let more_a = column(&pushed, "current_0_a")[240].abs() - column(&plain, "current_0_a")[240].abs();
+    assert!(
+        (more_a / expected_a - 1.0).abs() < 0.02,
+        "{more_a} A against {expected_a} A"
+    );
+    let mut wrong = residual;
+    wrong["layers"][0]["weights"] = json!([0.0, 1.0]);
+    let (refused, out) = replay("refused", wrong);
+    let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(
+        !refused.status.success() && said.contains("residual.layers[0].weights"),
+        "{said}"
+    );
+    assert!(!out.exists(), "nothing is written");
+    std::fs::remove_dir_all(folder).expect("removed");
+}

@@ -51,7 +51,7 @@ pub fn digest_scenarios() -> Vec<(String, String)> {
     all
 }
 
-/// Digests of all gallery scenarios and of every effect on every chassis, by name.
+/// Digests of all gallery scenarios, of every effect and of a learned residual on every chassis, by name.
 pub fn digests() -> BTreeMap<String, String> {
     let mut all: BTreeMap<String, String> = digest_scenarios()
         .into_iter()
@@ -62,6 +62,7 @@ pub fn digests() -> BTreeMap<String, String> {
         .collect();
     // A trace that fails here fails natively too, and then the names differ.
     all.extend(twin::golden::effect_digests().unwrap_or_default());
+    all.extend(twin::golden::residual_digests().unwrap_or_default());
     all
 }
 

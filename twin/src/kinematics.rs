@@ -18,6 +18,26 @@ fn across(geometry: &Geometry, lane: usize) -> SVector<f64, 3> {
     SVector::<f64, 3>::new(-geometry.sin[lane], geometry.cos[lane], geometry.arm_across_m[lane])
 }
 
+/// Two driven wheels of an `omni4`: nothing keeps it from sliding across their rolling direction.
+fn is_two_wheel_mode(model: &Model) -> bool {
+    let lanes = || (0..model.lanes).filter(|lane| model.driven[*lane]);
+    lanes().count() == 2 && lanes().all(|lane| model.omni[lane])
+}
+
+/// Direction in which the driven wheels of the two-wheel mode move the body, in (-pi/2, pi/2]; none for other robots.
+pub(crate) fn drive_axis_rad(model: &Model) -> Option<f64> {
+    let lane = (0..model.lanes).find(|lane| model.driven[*lane])?;
+    is_two_wheel_mode(model).then(|| {
+        let (cos, sin) = (model.geometry.cos[lane], model.geometry.sin[lane]);
+        let forward = cos > 0.0 || (cos == 0.0 && sin > 0.0);
+        if forward {
+            libm::atan2(sin, cos)
+        } else {
+            libm::atan2(-sin, -cos)
+        }
+    })
+}
+
 pub(crate) fn wheel_speeds(model: &Model, twist: BodyTwist, last_steering_rad: f64) -> WheelCommand {
     let mut command = WheelCommand::default();
     if let Some(steering) = &model.steering {
@@ -44,13 +64,14 @@ pub(crate) fn twist_of_wheels(model: &Model, command: &WheelCommand) -> BodyTwis
     let geometry = model.geometry_at(steering_rad);
     let mut normal = SMatrix::<f64, 3, 3>::zeros();
     let mut right = SVector::<f64, 3>::zeros();
+    let sliding = is_two_wheel_mode(model);
     for lane in 0..model.lanes {
         if model.driven[lane] {
             let row = along(&geometry, lane);
             normal += row * row.transpose();
             right += row * (model.radius_m[lane] * command.wheel_rad_per_s[model.wheel_of_lane[lane]]);
         }
-        if model.lateral[lane] > 0.0 {
+        if model.lateral[lane] > 0.0 || (sliding && model.driven[lane]) {
             let row = across(&geometry, lane);
             normal += row * row.transpose();
         }

@@ -25,6 +25,7 @@ pub mod pairing;
 pub mod parameter;
 pub mod pose;
 pub mod replay;
+pub mod residual;
 pub mod robot;
 pub mod sensor;
 pub mod snapshot;

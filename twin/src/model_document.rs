@@ -5,6 +5,7 @@ use serde_json::Value;
 
 use crate::effect::Effect;
 use crate::parameter::ParameterError;
+use crate::residual::ResidualDocument;
 use crate::robot::{Robot, RobotDescription};
 
 /// The format this crate reads and writes.
@@ -25,7 +26,7 @@ pub struct ModelDocument {
     #[serde(default)]
     pub effects: Vec<Effect>,
     #[serde(default)]
-    pub residual: Option<Value>,
+    pub residual: Option<ResidualDocument>,
     #[serde(default)]
     pub provenance: Value,
 }
@@ -39,8 +40,6 @@ pub enum ModelError {
     Format { found: String },
     #[error("id {found} is not that of the document, {expected}: it was changed after it was made")]
     Id { found: String, expected: String },
-    #[error("residual: this version evaluates effects only; a model with a learned residual cannot be used")]
-    Residual,
     #[error(transparent)]
     Parameter(#[from] ParameterError),
 }
@@ -68,9 +67,16 @@ impl ModelDocument {
         document
     }
 
+    /// The same version with a learned residual, and the identifier that this gives.
+    pub fn with_residual(mut self, residual: ResidualDocument) -> ModelDocument {
+        self.residual = Some(residual);
+        self.id = self.expected_id();
+        self
+    }
+
     /// Reads and checks a document; an empty identifier (a draft written by hand) is filled in.
     ///
-    /// - Errors: not JSON of this shape, another format, an identifier of another document, a robot or effect out of range.
+    /// - Errors: not JSON of this shape, another format, an identifier of another document; a robot, effect or residual out of range.
     pub fn parse(text: &str) -> Result<ModelDocument, ModelError> {
         let mut document: ModelDocument =
             serde_json::from_str(text).map_err(|error| ModelError::Json(error.to_string()))?;
@@ -90,12 +96,13 @@ impl ModelDocument {
         Ok(document)
     }
 
-    /// The robot with the effects of this model.
+    /// The robot with the effects and the residual of this model.
     pub fn robot(&self) -> Result<Robot, ModelError> {
-        if self.residual.is_some() {
-            return Err(ModelError::Residual);
-        }
-        Ok(Robot::with_effects(self.robot.clone(), &self.effects)?)
+        Ok(Robot::with_model(
+            self.robot.clone(),
+            &self.effects,
+            self.residual.as_ref(),
+        )?)
     }
 
     /// SHA-256 of the document without its identifier, as 64 hexadecimal characters.

@@ -4,14 +4,17 @@ use serde::{Deserialize, Serialize};
 
 use crate::command::WheelCommand;
 use crate::effect::{self, Dynamics, Effect, Runtime, SensorStage};
+use crate::free::RobotState;
 use crate::kinematics;
 use crate::model::Model;
 use crate::motor_control::Drives;
 pub use crate::motor_control::MotorController;
 use crate::parameter;
 pub use crate::parameter::ParameterError;
+use crate::residual::{Observation, Residual, ResidualDocument};
 use crate::twist::BodyTwist;
 use crate::world::floor::Floor;
+use std::sync::Arc;
 
 /// A robot as it stands in `run.json` (`robot`) and in the laboratory's file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -121,6 +124,7 @@ pub struct Robot {
     /// The geometry the robot itself works with.
     nominal: Model,
     model: Model,
+    residual: Option<Arc<Residual>>,
     dynamics: Option<Dynamics>,
     sensors: Vec<SensorStage>,
 }
@@ -137,25 +141,54 @@ impl Robot {
     ///
     /// - Errors: the first problem of the description, then of the effects in their order.
     pub fn with_effects(description: RobotDescription, effects: &[Effect]) -> Result<Robot, ParameterError> {
+        Robot::with_model(description, effects, None)
+    }
+
+    /// Validates a description, the effects and the learned residual of a model.
+    ///
+    /// A residual whose output is always zero ([`ResidualDocument::is_neutral`]) changes no bit of the motion.
+    ///
+    /// - Errors: the first problem of the description, of the effects in their order, of the residual.
+    pub fn with_model(
+        description: RobotDescription,
+        effects: &[Effect],
+        residual: Option<&ResidualDocument>,
+    ) -> Result<Robot, ParameterError> {
         if let Some(problem) = description.check().into_iter().next() {
             return Err(problem);
         }
         effect::check(&description, effects)?;
+        let residual = match residual {
+            Some(document) => Some(Arc::new(Residual::new(&description, document)?)),
+            None => None,
+        };
         let active: Vec<Effect> = effects.iter().filter(|effect| !effect.is_neutral()).cloned().collect();
         let nominal = Model::new(&effect::tracked(&description, &active));
         let mut model = Model::new(&effect::physical(&description, &active));
         model.nominal_friction = description.floor_friction;
         effect::shape(&mut model, &active);
-        let dynamics = Dynamics::new(&model, &active);
+        let acting = residual.clone().filter(|residual| !residual.document().is_neutral());
+        let dynamics = Dynamics::new(&model, &active, acting);
         let sensors = effect::sensor_stages(&active);
         Ok(Robot {
             description,
             effects: effects.to_vec(),
             nominal,
             model,
+            residual,
             dynamics,
             sensors,
         })
+    }
+
+    /// The learned residual of its model.
+    pub fn residual(&self) -> Option<&Residual> {
+        self.residual.as_deref()
+    }
+
+    /// What a residual sees at the start of a control tick with these set-points: `state` is that after the tick before.
+    pub fn observation(&self, state: &RobotState, command: &WheelCommand) -> Observation {
+        Observation::of(&self.nominal, &self.model, state, command)
     }
 
     /// The effects of its model, in their order.
@@ -195,6 +228,7 @@ impl Robot {
     ///
     /// W_i = (u c_i + v s_i + r (x_i s_i - y_i c_i)) / R_i ;  steering = atan(L r / u)
     ///
+    /// - An `omni4` on two wheels takes the part of the twist along [`Robot::drive_axis_rad`] and the yaw rate.
     /// - Undriven wheels get 0. Steering is 0 at u = 0; see [`Robot::wheel_speeds_holding`].
     pub fn wheel_speeds(&self, twist: BodyTwist) -> WheelCommand {
         self.wheel_speeds_holding(twist, 0.0)
@@ -206,8 +240,19 @@ impl Robot {
     }
 
     /// Body twist of slip-free rolling at these wheel speeds (least squares over driven wheels and lateral constraints).
+    ///
+    /// - An `omni4` on two wheels is taken not to slide across its drive axis: true from rest and while it does not turn.
     pub fn twist_of_wheels(&self, command: &WheelCommand) -> BodyTwist {
         kinematics::twist_of_wheels(&self.nominal, command)
+    }
+
+    /// The two-wheel mode of an `omni4` (two opposite wheels driven, the others free): direction in the body frame, from
+    /// x, in (-pi/2, pi/2], in which the driven wheels move it. None for all other robots.
+    ///
+    /// Across this axis nothing but the free wheels' inertia resists, so the robot keeps its sideways velocity and slides
+    /// out of arcs; it goes straight along the axis and turns in place.
+    pub fn drive_axis_rad(&self) -> Option<f64> {
+        kinematics::drive_axis_rad(&self.nominal)
     }
 
     /// No-load speed of a driven wheel at full supply, friction included, rad/s; infinite without a motor.

@@ -64,3 +64,61 @@ fn a_document_says_what_is_wrong_with_it() {
     let error = ModelDocument::parse(&text).expect_err("no omni wheel").to_string();
     assert!(error.starts_with("effects[0].name"), "{error}");
 }
+
+fn page() -> String {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/model-document.md");
+    std::fs::read_to_string(path).expect("docs/model-document.md")
+}
+
+#[test]
+fn the_example_of_the_document_is_a_model() {
+    let page = page();
+    let (_, rest) = page.split_once("```json\n").expect("an example");
+    let (example, _) = rest.split_once("```").expect("its end");
+    let model = ModelDocument::parse(example).expect("a model");
+    assert_eq!(model.id, model.expected_id());
+    let robot = model.robot().expect("a robot");
+    let residual = robot.residual().expect("a residual");
+    assert!(!residual.document().is_neutral());
+    // Every field of the formats is explained.
+    let value = serde_json::to_value(&model).expect("JSON");
+    let explained = |field: &str| page.contains(&format!("`{field}`"));
+    for field in value.as_object().expect("an object").keys() {
+        assert!(explained(field), "{field}");
+    }
+    for list in ["inputs", "layers", "outputs"] {
+        for field in value["residual"][list][0].as_object().expect("an object").keys() {
+            assert!(
+                explained(field) || explained(&format!("{list}[].{field}")),
+                "{list}[].{field}"
+            );
+        }
+    }
+}
+
+#[test]
+fn the_document_lists_the_inputs_and_limits_of_the_code() {
+    use twin::residual::{INPUTS, MAX_LAYERS, MAX_TICKS_AGO, MAX_UNITS, OUTPUTS};
+    let page = page();
+    for entry in INPUTS {
+        let row = page
+            .lines()
+            .find(|line| line.starts_with(&format!("| `{}` | {} |", entry.name, entry.unit)));
+        assert!(
+            row.is_some_and(|row| row.ends_with(&format!("| {} |", entry.meaning))),
+            "{}",
+            entry.name
+        );
+    }
+    for (name, unit, largest) in OUTPUTS {
+        assert!(
+            page.contains(&format!("`{name}`")) && page.contains(&format!("{largest} {unit}")),
+            "{name}"
+        );
+    }
+    let most_weights = (MAX_LAYERS - 1) * MAX_UNITS * MAX_UNITS + OUTPUTS.len() * MAX_UNITS;
+    assert_eq!(most_weights, 12_480);
+    assert!(page.contains("12 480 weights"));
+    assert!(page.contains(&format!("1 to {MAX_LAYERS} layers of 1 to {MAX_UNITS} units")));
+    assert!(page.contains(&format!("0 to {MAX_TICKS_AGO} |")));
+}

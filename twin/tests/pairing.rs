@@ -10,14 +10,16 @@ use twin::pairing::program::programs;
 use twin::pairing::sensor::{Drive, SENSORS};
 use twin::pairing::task::{Task, link};
 use twin::pairing::{Budget, ControllerKind, Pairing, PairingProblem, RobotDocument, SensorKind, check};
-use twin::parameter::CHASSIS;
 use twin::robot::Robot;
 
-/// Actuator pins of each chassis, in the order of [`CHASSIS`].
-const PINS: [usize; 6] = [28, 14, 28, 17, 17, 31];
+/// The six chassis and the mode of `omni4` in which two opposite wheels roll freely.
+const CHASSIS: [&str; 7] = ["omni4", "omni4-two-wheel", "diff2", "diff4", "fwd", "rwd", "awd"];
+/// Actuator pins of each, in the order of [`CHASSIS`].
+const PINS: [usize; 7] = [28, 14, 14, 28, 17, 17, 31];
 /// Outcome of each chassis with each controller; `None` is accepted.
-const OUTCOMES: [(&str, [Option<Budget>; 3]); 6] = [
+const OUTCOMES: [(&str, [Option<Budget>; 3]); 7] = [
     ("omni4", [Some(Budget::Compute), None, None]),
+    ("omni4-two-wheel", [None, None, None]),
     ("diff2", [None, None, None]),
     ("diff4", [Some(Budget::Compute), None, None]),
     ("fwd", [None, None, None]),
@@ -37,7 +39,8 @@ fn document(chassis: &str, controller: &str) -> RobotDocument {
 
 fn pair(chassis: &str, controller: &str) -> Pairing {
     let document = document(chassis, controller);
-    assert_eq!(document.robot.chassis, chassis);
+    assert_eq!(document.robot.chassis, chassis.trim_end_matches("-two-wheel"));
+    assert_eq!(document.robot.name, format!("{chassis}-{controller}"));
     assert_eq!(document.controller, controller);
     document.pairing().unwrap_or_else(|problems| panic!("{problems:?}"))
 }
@@ -161,7 +164,7 @@ fn the_set_holds_nothing_else() {
     found.sort();
     let mut expected: Vec<String> = reference_set()
         .iter()
-        .map(|pair| format!("{}-{}.json", pair.robot.chassis, pair.controller.name()))
+        .map(|pair| format!("{}.json", pair.robot.name))
         .collect();
     expected.sort();
     assert_eq!(found, expected);
@@ -397,7 +400,9 @@ fn tables() -> [Vec<String>; 3] {
             };
             format!(
                 "| `{}` | `{}` | {} | {} of {} | {} | {} |",
-                pair.robot.chassis,
+                pair.robot
+                    .name
+                    .trim_end_matches(&format!("-{}", pair.controller.name())),
                 pair.controller.name(),
                 Budget::ConnectorPins.needed(pair),
                 Budget::Compute.needed(pair),

@@ -5,7 +5,7 @@ use anyhow::{Context, ensure};
 use identify::bundle::Bundle;
 use identify::channel::Channel;
 use std::path::{Path, PathBuf};
-use twin::model_document::{ModelDocument, ModelError};
+use twin::model_document::ModelDocument;
 use twin::pose::{Pose, wrapped_rad};
 use twin::replay::{CommandRow, ReplayRow};
 use twin::robot::Robot;
@@ -15,7 +15,7 @@ pub struct Arguments {
     /// Robot description; the model's, else the bundle's own when absent
     #[arg(long)]
     robot: Option<PathBuf>,
-    /// Model version (robopheus.model/1) whose effects act on the robot; the nominal twin when absent
+    /// Model version (robopheus.model/1) whose effects and residual act on the robot; the nominal twin when absent
     #[arg(long)]
     model: Option<PathBuf>,
     /// Run bundle whose commands are replayed: a folder with run.json and telemetry.csv
@@ -64,22 +64,19 @@ pub fn run(arguments: &Arguments, output: &Output) -> anyhow::Result<()> {
     })
 }
 
-/// Description from the most particular source, effects from the model.
+/// Description from the most particular source, effects and residual from the model.
 fn robot(arguments: &Arguments, bundle: &Bundle) -> anyhow::Result<Robot> {
     let model = match &arguments.model {
         None => None,
         Some(path) => Some(ModelDocument::parse(&read_text(path)?).with_context(|| format!("{}", path.display()))?),
     };
-    if model.as_ref().is_some_and(|model| model.residual.is_some()) {
-        return Err(ModelError::Residual.into());
-    }
     let description = match (&arguments.robot, &model) {
         (Some(path), _) => serde_json::from_str(&read_text(path)?).with_context(|| format!("{}", path.display()))?,
         (None, Some(model)) => model.robot.clone(),
         (None, None) => bundle.robot.description().clone(),
     };
-    let effects = model.map(|model| model.effects).unwrap_or_default();
-    Ok(Robot::with_effects(description, &effects)?)
+    let (effects, residual) = model.map_or((Vec::new(), None), |model| (model.effects, model.residual));
+    Ok(Robot::with_model(description, &effects, residual.as_ref())?)
 }
 
 fn read_text(path: &Path) -> anyhow::Result<String> {

@@ -12,8 +12,12 @@ use std::path::{Path, PathBuf};
 use twin::pairing::RobotDocument;
 use twin::robot::RobotDescription;
 
-const CHASSIS: [(&str, &str); 6] = [
+const CHASSIS: [(&str, &str); 7] = [
     ("omni4", "four omni wheels, drives in every direction"),
+    (
+        "omni4-two-wheel",
+        "two of its wheels unpowered: drives along a diagonal, slides out of arcs",
+    ),
     ("diff2", "two driven wheels and casters, turns in place"),
     ("diff4", "four fixed wheels, skids round"),
     ("fwd", "front wheels driven and steered"),
@@ -28,7 +32,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut html = format!(
         "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\
          <title>Robopheus: what the twin does</title><style>{STYLE}</style></head><body><main>\
-         <h1>What the twin does</h1><p class=\"lead\">Every picture is computed by the digital twin ({}). Above, the six chassis drive the \
+         <h1>What the twin does</h1><p class=\"lead\">Every picture is computed by the digital twin ({}). Above, the six chassis and the two-wheel mode of one drive the \
          same manoeuvres; below, every effect of the library at its large size against the nominal robot.</p>",
         twin::VERSION
     );
@@ -51,7 +55,7 @@ pub fn reference(chassis: &str) -> Result<RobotDescription, Box<dyn std::error::
 }
 
 fn chassis_section(html: &mut String) -> Result<(), Box<dyn std::error::Error>> {
-    html.push_str("<h2>Six chassis, the same manoeuvres</h2><p>Path over the floor, one square is 0.5 m; the dot is the start. Ten seconds each.</p>");
+    html.push_str("<h2>Six chassis and a two-wheel mode, the same manoeuvres</h2><p>Path over the floor, one square is 0.5 m; the dot is the start. Ten seconds each.</p>");
     html.push_str("<table class=\"chassis\"><thead><tr><th></th>");
     for name in manoeuvre::SHOWN {
         let _ = write!(html, "<th>{}</th>", manoeuvre::title(name));

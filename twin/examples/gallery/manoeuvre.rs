@@ -40,7 +40,9 @@ fn twist(robot: &RobotDescription, name: &str, t: f64) -> (f64, f64, f64) {
                 0.1 * (2.0 * t).cos()
             },
         ),
-        _ if robot.chassis == "omni4" => (0.4 * (0.8 * t).cos(), 0.4 * (0.8 * t).sin(), 0.3),
+        _ if robot.chassis == "omni4" && robot.wheels.iter().all(|wheel| wheel.driven) => {
+            (0.4 * (0.8 * t).cos(), 0.4 * (0.8 * t).sin(), 0.3)
+        }
         _ if robot.steering.is_some() => (0.5 * sign(t % 5.0 < 2.5), 0.0, 0.9),
         _ => (if t < 5.0 { 0.0 } else { 0.3 }, 0.0, if t < 5.0 { 1.0 } else { -0.4 }),
     }

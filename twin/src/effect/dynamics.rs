@@ -5,9 +5,11 @@ use super::command::CommandStage;
 use crate::command::WheelCommand;
 use crate::model::{Model, Push};
 use crate::motor_control::Drives;
+use crate::residual::{Observation, Residual};
 use crate::state::BodyState;
 use crate::world::floor::Floor;
-use crate::{GRAVITY_M_PER_S2, MAX_WHEELS, PHYSICS_PERIOD_S, SLIP_SCALE_M_PER_S};
+use crate::{GRAVITY_M_PER_S2, MAX_WHEELS, PHYSICS_PERIOD_S, SLIP_SCALE_M_PER_S, SUBSTEPS};
+use std::sync::Arc;
 
 /// Wheel speed that rounds the sign of spin in [`Law::Asymmetric`], rad/s; that of the dry friction.
 const SPIN_SIGN_RAD_PER_S: f64 = crate::COULOMB_SCALE_RAD_PER_S;
@@ -21,6 +23,8 @@ const LEAST_SUPPLY: f64 = 0.5;
 pub(crate) struct Dynamics {
     commands: Vec<CommandStage>,
     laws: Vec<(Law, usize)>,
+    /// Its words stand behind those of the laws.
+    residual: Option<(Arc<Residual>, usize)>,
     words: usize,
 }
 
@@ -88,8 +92,8 @@ enum Law {
 }
 
 impl Dynamics {
-    /// `None` when no effect of the list changes from step to step.
-    pub(crate) fn new(model: &Model, effects: &[Effect]) -> Option<Dynamics> {
+    /// `None` when no effect of the list changes from step to step and there is no residual.
+    pub(crate) fn new(model: &Model, effects: &[Effect], residual: Option<Arc<Residual>>) -> Option<Dynamics> {
         let mut dynamics = Dynamics::default();
         for effect in effects {
             if let Some(stage) = CommandStage::new(effect, dynamics.words) {
@@ -101,7 +105,15 @@ impl Dynamics {
                 dynamics.laws.push((law, at));
             }
         }
-        let anything = !dynamics.commands.is_empty() || !dynamics.laws.is_empty() || model.tyre.is_some();
+        if let Some(residual) = residual {
+            let at = dynamics.words;
+            dynamics.words += residual.words();
+            dynamics.residual = Some((residual, at));
+        }
+        let anything = !dynamics.commands.is_empty()
+            || !dynamics.laws.is_empty()
+            || dynamics.residual.is_some()
+            || model.tyre.is_some();
         anything.then_some(dynamics)
     }
 
@@ -217,6 +229,8 @@ pub(crate) struct Runtime {
     /// Motor control that the description spells out.
     pub(crate) drives: Option<Drives>,
     memory: Vec<f64>,
+    /// The set-point of this physics step in front of all stages.
+    sent: WheelCommand,
     step: u64,
 }
 
@@ -232,6 +246,7 @@ impl Runtime {
             memory: vec![0.0; dynamics.words],
             dynamics,
             drives,
+            sent: WheelCommand::default(),
             step: 0,
         }
     }
@@ -283,6 +298,7 @@ impl Runtime {
     /// The set-point behind all stages, for this physics step.
     #[inline(never)]
     pub(crate) fn commanded(&mut self, command: &WheelCommand) -> WheelCommand {
+        self.sent = *command;
         let mut command = *command;
         for stage in &self.dynamics.commands {
             command = stage.apply(command, &self.nominal, &mut self.memory, self.step);
@@ -293,6 +309,7 @@ impl Runtime {
     /// Sets the constants of the coming physics step from the state at its start.
     #[inline(never)]
     pub(crate) fn prepare(&mut self, state: &BodyState) {
+        self.evaluate_residual(state);
         let (live, base) = (&mut self.live, &self.base);
         live.coulomb_n_m = base.coulomb_n_m;
         live.viscous_n_m_s = base.viscous_n_m_s;
@@ -313,7 +330,25 @@ impl Runtime {
             let (law, at) = self.dynamics.laws[index].clone();
             self.apply(&law, at, state);
         }
+        if let Some((_, at)) = &self.dynamics.residual {
+            let live = &mut self.live;
+            live.body_force[0] += live.mass_kg * self.memory[*at];
+            live.body_force[1] += live.mass_kg * self.memory[at + 1];
+            live.body_force[2] += live.yaw_inertia_kg_m2 * self.memory[at + 2];
+        }
         self.step += 1;
+    }
+
+    /// At the start of a control tick: accelerations from what a view shows then and the set-points of the tick.
+    fn evaluate_residual(&mut self, state: &BodyState) {
+        let Some((residual, at)) = &self.dynamics.residual else {
+            return;
+        };
+        if self.step.is_multiple_of(u64::from(SUBSTEPS)) {
+            let seen = Observation::of(&self.nominal, &self.base, &state.view(&self.live), &self.sent);
+            let memory = &mut self.memory[*at..at + residual.words()];
+            residual.tick(&seen, memory, self.step == 0);
+        }
     }
 
     /// Battery voltage at the currents of the step before.

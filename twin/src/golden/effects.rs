@@ -32,7 +32,11 @@ pub fn effect_digests() -> Result<BTreeMap<String, String>, GoldenError> {
 }
 
 fn digest(description: &RobotDescription, effects: &[Effect]) -> Result<String, GoldenError> {
-    let robot = Robot::with_effects(description.clone(), effects)?;
+    trace(&Robot::with_effects(description.clone(), effects)?)
+}
+
+/// Digest of the common trace.
+pub(super) fn trace(robot: &Robot) -> Result<String, GoldenError> {
     let mut command = robot.wheel_speeds(BodyTwist::default());
     let rows: Vec<CommandRow> = (0..ROWS)
         .map(|row| {
@@ -56,7 +60,7 @@ fn digest(description: &RobotDescription, effects: &[Effect]) -> Result<String, 
         y_m: -0.2,
         yaw_rad: 0.4,
     };
-    Ok(hash(&replay(&robot, start, &rows)?).to_string())
+    Ok(hash(&replay(robot, start, &rows)?).to_string())
 }
 
 /// Every number of every row.

@@ -3,8 +3,10 @@
 //! [`TABLE`] changes only together with [`crate::VERSION`].
 
 mod effects;
+mod residual;
 
 pub use effects::effect_digests;
+pub use residual::{reference_residual, residual_digests};
 
 use crate::command::WheelCommand;
 use crate::pose::Pose;

@@ -25,7 +25,9 @@ pub(super) fn check(problems: &mut Vec<ParameterError>, robot: &RobotDescription
         "omni4" if omni != 4 || standard != 0 || !(2..=4).contains(&driven) => {
             Some("4 omni wheels, 2 to 4 of them driven")
         }
-        "diff2" if driven != 2 || standard < 2 || omni != 0 => Some("2 driven standard wheels, casters besides"),
+        "diff2" if driven != 2 || !(2..=4).contains(&standard) || omni != 0 => {
+            Some("2 driven standard wheels, at most 2 free ones, casters besides")
+        }
         "diff4" if driven != 4 || standard != 4 || omni != 0 => Some("4 driven standard wheels"),
         "fwd" | "rwd" if driven != 2 || standard != 4 || omni != 0 => Some("4 standard wheels, 2 of them driven"),
         "awd" if driven != 4 || standard != 4 || omni != 0 => Some("4 driven standard wheels"),
@@ -67,6 +69,29 @@ pub(super) fn check(problems: &mut Vec<ParameterError>, robot: &RobotDescription
     if car && steered == 2 && problems.is_empty() {
         check_steered_axle(problems, &robot.wheels);
     }
+    if chassis == "omni4" && driven == 2 && problems.is_empty() {
+        check_two_wheel_mode(problems, &robot.wheels);
+    }
+}
+
+/// Two driven omni wheels move the body along one line and turn it only when they roll in parallel and side by side.
+fn check_two_wheel_mode(problems: &mut Vec<ParameterError>, wheels: &[Wheel]) {
+    let mut driven = wheels.iter().enumerate().filter(|(_, wheel)| wheel.driven);
+    let (Some((i, a)), Some((k, b))) = (driven.next(), driven.next()) else {
+        return;
+    };
+    let angle = libm::sin(a.rolling_direction_rad - b.rolling_direction_rad);
+    let (sin, cos) = libm::sincos(a.rolling_direction_rad);
+    let apart_m = ((b.x_m - a.x_m) * sin - (b.y_m - a.y_m) * cos).abs();
+    let limit = "opposite wheels: rolling directions parallel within 0.05, lines at least 0.01 m apart";
+    let message = if angle.abs() > 0.05 {
+        format!("driven wheels {i} and {k} do not roll in parallel (sine of the angle between them {angle})")
+    } else if apart_m < 0.01 {
+        format!("driven wheels {i} and {k} roll along lines {apart_m} m apart and cannot turn the robot")
+    } else {
+        return;
+    };
+    problems.push(problem("wheels", message, limit, "drive two opposite wheels"));
 }
 
 fn check_steered_axle(problems: &mut Vec<ParameterError>, wheels: &[Wheel]) {

@@ -105,6 +105,10 @@ pub(super) fn fingerprint(arena: &Arena, contents: &Contents, robots: &[(Robot, 
             let text = serde_json::to_string(robot.effects()).unwrap_or_default();
             bytes.extend_from_slice(text.as_bytes());
         }
+        if let Some(residual) = robot.residual() {
+            let text = serde_json::to_string(residual.document()).unwrap_or_default();
+            bytes.extend_from_slice(text.as_bytes());
+        }
     }
     if !contents.is_empty() {
         let text = serde_json::to_string(contents).unwrap_or_default();

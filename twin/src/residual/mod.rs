@@ -1,0 +1,45 @@
+//! Learned residual: a small network for what no named effect explains.
+//!
+//! Inputs are quantities of the robot (a fixed list, [`INPUTS`]), normalised inside the document; outputs are
+//! accelerations in the body frame. At the start of every control tick (120 Hz) the network is evaluated once on what
+//! the sensors' models report then, and the force m a and torque J a that it gives are held for the four physics steps
+//! of the tick. Commands, logs and training have that rate; the hold delays the force by half a tick on average
+//! (4.2 ms), which keeps a drag a = -c u stable up to c = 240 1/s.
+//!
+//! ```text
+//! x_i   = (clamp(q_i, low_i, high_i) - mean_i) / scale_i
+//! y     = layers(x),  each  f(b + w_0 x_0 + w_1 x_1 + ...)  summed in this order
+//! fade  = product over inputs of 1 - 3 e_i^2 + 2 e_i^3,  e_i = min(1, distance of q_i from [low_i, high_i] / (fade (high_i - low_i)))
+//! a_j   = fade clamp(scale_j y_j, +-limit_j)
+//! ```
+//!
+//! Inside the validity ranges the fade is exactly 1; further outside than the share `fade` of a range it is exactly 0, so
+//! the nominal twin is left where nothing was learned. The outputs are bounded by their limits whatever the weights are.
+//! A residual can put energy into the motion: nothing makes a network dissipative. Its power is bounded by
+//! m |a| |velocity| + J |a_yaw| |r|, and so is the speed it can add in a given time.
+//!
+//! What a force does to the motion depends on the wheels: motors that hold their speed resist it, with slip and current.
+
+mod check;
+mod document;
+mod input;
+mod network;
+
+pub use document::{Activation, Input, Layer, Output, ResidualDocument};
+pub use input::{INPUTS, InputEntry, Observation, Of, Quantity};
+pub use network::Residual;
+
+/// The format this crate reads and writes.
+pub const FORMAT: &str = "robopheus.residual/1";
+/// Most inputs, and most units of one layer.
+pub const MAX_UNITS: usize = 64;
+/// Most layers, that of the outputs included. With the limits above a network has at most 12 480 weights.
+pub const MAX_LAYERS: usize = 4;
+/// Longest look back of an input, control ticks: 0.1 s.
+pub const MAX_TICKS_AGO: usize = 12;
+/// Outputs: name, unit, largest limit. The accelerations stay inside the margin of the twin's search for collisions.
+pub const OUTPUTS: [(&str, &str, f64); 3] = [
+    ("acceleration_forward_m_per_s2", "m/s^2", 10.0),
+    ("acceleration_left_m_per_s2", "m/s^2", 10.0),
+    ("acceleration_yaw_rad_per_s2", "rad/s^2", 100.0),
+];

@@ -1,0 +1,184 @@
+//! A checked network, laid out for evaluation: fixed order, no allocation.
+
+use super::document::{Activation, Layer, ResidualDocument};
+use super::input::{Observation, Quantity, find};
+use super::{MAX_UNITS, OUTPUTS, check};
+use crate::math;
+use crate::parameter::ParameterError;
+use crate::robot::RobotDescription;
+
+/// A residual that fits a robot.
+#[derive(Debug, Clone)]
+pub struct Residual {
+    document: ResidualDocument,
+    inputs: Vec<Source>,
+    layers: Vec<Dense>,
+    /// By position in [`OUTPUTS`]: row of the last layer, scale, limit.
+    outputs: [Option<(usize, f64, f64)>; OUTPUTS.len()],
+}
+
+/// Where an input comes from and what becomes of it.
+#[derive(Debug, Clone, Copy)]
+struct Source {
+    quantity: Quantity,
+    wheel: usize,
+    ticks_ago: usize,
+    mean: f64,
+    scale: f64,
+    low: f64,
+    high: f64,
+    fade: f64,
+}
+
+#[derive(Debug, Clone)]
+struct Dense {
+    /// Column by column: all units take the same input at once, each sum still grows in the order of the inputs.
+    by_input: Vec<f64>,
+    bias: Vec<f64>,
+    activation: Activation,
+}
+
+impl Residual {
+    /// Checks a document against a robot.
+    ///
+    /// - Errors: the first thing that is wrong, by its path from `residual`: format, inputs the robot does not have or
+    ///   that are named twice, numbers out of range, shapes that do not fit, too many layers or units.
+    pub fn new(robot: &RobotDescription, document: &ResidualDocument) -> Result<Residual, ParameterError> {
+        check::check(robot, document)?;
+        let mut inputs = Vec::with_capacity(document.inputs.len());
+        for input in &document.inputs {
+            let Some(entry) = find(&input.name) else { continue };
+            inputs.push(Source {
+                quantity: entry.quantity,
+                wheel: input.wheel.unwrap_or(0),
+                ticks_ago: input.ticks_ago,
+                mean: input.mean,
+                scale: input.scale,
+                low: input.low,
+                high: input.high,
+                fade: document.fade * (input.high - input.low),
+            });
+        }
+        let outputs = OUTPUTS.map(|(name, _, _)| {
+            let row = document.outputs.iter().position(|output| output.name == name)?;
+            let output = &document.outputs[row];
+            Some((row, output.scale, output.limit))
+        });
+        Ok(Residual {
+            document: document.clone(),
+            inputs,
+            layers: document.layers.iter().map(Dense::new).collect(),
+            outputs,
+        })
+    }
+
+    /// The document it was made from.
+    pub fn document(&self) -> &ResidualDocument {
+        &self.document
+    }
+
+    /// Accelerations in the order of [`OUTPUTS`], m/s^2, m/s^2, rad/s^2; 0 for an output that the document does not have.
+    ///
+    /// - `inputs`: by position in the document, in their units; missing ones count as 0. Always finite.
+    pub fn accelerations(&self, inputs: &[f64]) -> [f64; OUTPUTS.len()] {
+        let mut units = [0.0; MAX_UNITS];
+        let mut fade = 1.0;
+        for ((unit, source), value) in units.iter_mut().zip(&self.inputs).zip(padded(inputs)) {
+            *unit = source.normalised(value);
+            fade *= source.fade(value);
+        }
+        let mut width = self.inputs.len();
+        for layer in &self.layers {
+            layer.apply(&mut units, width);
+            width = layer.bias.len();
+        }
+        self.outputs.map(|output| {
+            output.map_or(0.0, |(row, scale, limit)| {
+                fade * (scale * units[row]).max(-limit).min(limit)
+            })
+        })
+    }
+
+    /// Values of the inputs at one tick, in their units, in the document's order; inputs of an earlier tick as they are now.
+    pub fn values<'a>(&'a self, seen: &'a Observation) -> impl Iterator<Item = f64> + 'a {
+        self.inputs
+            .iter()
+            .map(|source| seen.value(source.quantity, source.wheel))
+    }
+
+    /// Numbers kept between ticks: accelerations in force, then for each input that looks back its values, oldest first.
+    pub(crate) fn words(&self) -> usize {
+        OUTPUTS.len() + self.inputs.iter().map(|source| source.ticks_ago).sum::<usize>()
+    }
+
+    /// One control tick: takes in what is seen now and leaves the accelerations of this tick in front of `memory`.
+    pub(crate) fn tick(&self, seen: &Observation, memory: &mut [f64], first: bool) {
+        let (held, mut past) = memory.split_at_mut(OUTPUTS.len());
+        let mut inputs = [0.0; MAX_UNITS];
+        for ((input, source), now) in inputs.iter_mut().zip(&self.inputs).zip(self.values(seen)) {
+            *input = now;
+            if source.ticks_ago == 0 {
+                continue;
+            }
+            let (own, rest) = past.split_at_mut(source.ticks_ago);
+            past = rest;
+            if first {
+                own.fill(now);
+            }
+            *input = own[0];
+            own.copy_within(1.., 0);
+            own[source.ticks_ago - 1] = now;
+        }
+        held.copy_from_slice(&self.accelerations(&inputs[..self.inputs.len()]));
+    }
+}
+
+fn padded(inputs: &[f64]) -> impl Iterator<Item = f64> + '_ {
+    inputs.iter().copied().chain(core::iter::repeat(0.0))
+}
+
+impl Source {
+    fn normalised(&self, value: f64) -> f64 {
+        (value.max(self.low).min(self.high) - self.mean) / self.scale
+    }
+
+    /// 1 inside the range, 0 beyond the zone around it, with a continuous slope between.
+    fn fade(&self, value: f64) -> f64 {
+        let beyond = (self.low - value).max(value - self.high).max(0.0);
+        let e = (beyond / self.fade).min(1.0);
+        1.0 - e * e * (3.0 - 2.0 * e)
+    }
+}
+
+impl Dense {
+    fn new(layer: &Layer) -> Dense {
+        let units = layer.bias.len();
+        let columns = layer.weights.len() / units.max(1);
+        let by_input = (0..columns)
+            .flat_map(|column| (0..units).map(move |unit| layer.weights[unit * columns + column]))
+            .collect();
+        Dense {
+            by_input,
+            bias: layer.bias.clone(),
+            activation: layer.activation,
+        }
+    }
+
+    fn apply(&self, units: &mut [f64], width: usize) {
+        let mut sums = [0.0; MAX_UNITS];
+        let sums = &mut sums[..self.bias.len()];
+        sums.copy_from_slice(&self.bias);
+        for (x, column) in units[..width].iter().zip(self.by_input.chunks_exact(sums.len())) {
+            for (sum, weight) in sums.iter_mut().zip(column) {
+                *sum += weight * x;
+            }
+        }
+        for (unit, sum) in units.iter_mut().zip(sums.iter()) {
+            *unit = match self.activation {
+                Activation::Linear => *sum,
+                Activation::Tanh => math::tanh(*sum),
+                Activation::Softsign => *sum / (1.0 + sum.abs()),
+            };
+        }
+    }
+}
