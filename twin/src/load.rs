@@ -98,17 +98,24 @@ impl LoadModel {
         self.com_height_m
     }
 
-    /// Normal loads, N, at the body acceleration `(a_x, a_y)` that the contact forces give, m/s^2; none is negative.
-    pub(crate) fn loads_n(&self, accel_x_m_per_s2: f64, accel_y_m_per_s2: f64) -> [f64; MAX_WHEELS] {
-        let accel = [accel_x_m_per_s2, accel_y_m_per_s2];
+    /// Wheels on the floor at the body acceleration `(a_x, a_y)` that the contact forces give, m/s^2: the one with the most
+    /// negative load is taken off until none has one.
+    pub(crate) fn standing_at(&self, accel_m_per_s2: [f64; 2]) -> [bool; MAX_WHEELS] {
         let mut down = [true; MAX_WHEELS];
         let mut rows = self.all_down;
         for _ in 1..self.count {
-            let Some(worst) = rows.most_negative(accel) else { break };
+            let Some(worst) = rows.most_negative(accel_m_per_s2) else { break };
             down[worst] = false;
             rows = self.standing_on(&down);
         }
-        rows.at(accel).map(|load| load.max(0.0))
+        down
+    }
+
+    /// Normal loads, N, at that acceleration.
+    pub(crate) fn loads_n(&self, accel_x_m_per_s2: f64, accel_y_m_per_s2: f64) -> [f64; MAX_WHEELS] {
+        let accel = [accel_x_m_per_s2, accel_y_m_per_s2];
+        let down = self.standing_at(accel);
+        self.standing_on(&down).at(accel).map(|load| load.max(0.0))
     }
 
     fn minimum_norm(&self, down: &[bool; MAX_WHEELS], right: SVector<f64, 3>) -> [f64; MAX_WHEELS] {

@@ -253,7 +253,8 @@ fn a_stalled_current_settles_at_the_commanded_limit() {
             assert!(state.voltage_v[wheel].abs() <= 24.0 && state.current_a[wheel].abs() <= 9.0);
             if tick > 240 {
                 let current_a = state.current_a[wheel];
-                assert!((current_a - 3.0).abs() < 1e-6, "{tick}: {current_a}");
+                // The collision agrees with the kernel to 1e-5 m/s: n k_e W/R_a = 19.2 * 0.031 / 0.6 * 1e-5/0.05 = 2e-4 A.
+                assert!((current_a - 3.0).abs() < 2e-4, "{tick}: {current_a}");
                 assert!(state.wheel_rad_per_s[wheel].abs() < 1.0, "not stalled");
             }
         }

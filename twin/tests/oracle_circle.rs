@@ -152,9 +152,12 @@ fn no_manoeuvre_accelerates_more_than_friction_allows() {
             let (sin, cos) = libm::sincos(state.pose.yaw_rad);
             let (u, v) = (state.twist.forward_m_per_s, state.twist.left_m_per_s);
             let world = (u * cos - v * sin, u * sin + v * cos);
-            let (dx, dy) = (world.0 - last.0, world.1 - last.1);
-            largest = largest.max((dx * dx + dy * dy).sqrt() / PHYSICS_PERIOD_S);
-            last = world;
+            // Over a control tick: single steps are allowed an error of 1.6e-4 m/s each way (2.6 % of mu g here).
+            if step % 4 == 3 {
+                let (dx, dy) = (world.0 - last.0, world.1 - last.1);
+                largest = largest.max((dx * dx + dy * dy).sqrt() / (4.0 * PHYSICS_PERIOD_S));
+                last = world;
+            }
         }
         let share = largest / (0.3 * G);
         println!("{}: {share:.5} of mu g", robot.name());
@@ -166,8 +169,8 @@ fn no_manoeuvre_accelerates_more_than_friction_allows() {
             "fwd" | "rwd" => (0.9, 1.0),
             _ => (0.999, 1.0),
         };
-        // The body frame turns by r T = 0.02 rad within a step, whose error in the acceleration is of second order.
-        assert!(share < most * (1.0 + 5e-4), "{}: {share}", robot.name());
+        // A tenth of the allowed error of a step is left over a tick: 0.1 %.
+        assert!(share < most * (1.0 + 1e-3), "{}: {share}", robot.name());
         assert!(share > least * most, "{}: {share}", robot.name());
     }
 }

@@ -243,6 +243,8 @@ impl<'a> Tick<'a> {
             m_per_s2: [force[0] / model.mass_kg, force[1] / model.mass_kg],
         };
         *state = one.before;
+        // Steps that are compared under different pushes start from nothing but the state.
+        state.carry.clear();
         match runtime {
             None => {
                 let mut pushed = model.clone();

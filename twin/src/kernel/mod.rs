@@ -107,12 +107,6 @@ struct Kernel<'a> {
     wheels_rad: f64,
 }
 
-/// A state on the way through a step.
-struct Point {
-    start: Start,
-    at: u32,
-}
-
 impl Kernel<'_> {
     #[inline(always)]
     fn shape<const SIDE: bool>(&self, speeds: &Speeds) -> Shape {
@@ -190,7 +184,7 @@ impl Kernel<'_> {
         let drive = Drive::at(&self.c, after.end.wheel, shape.spin_sign);
         let now = (&shape, &drive, load_n);
         let (error, missing) = step::error::<SIDE>(&self.c, start, matrix, &after, now, (weight, period_s));
-        let standing = least(load_n) >= 0.0 && self.model.load.count() <= LANES;
+        let standing = least(load_n) >= 0.0 && least(start.load_n) >= 0.0 && self.model.load.count() <= LANES;
         if error <= 1.0 && standing {
             take(state, &after, period_s);
             self.settle(state, &after.end, &shape);
@@ -217,58 +211,73 @@ impl Kernel<'_> {
     #[cold]
     #[inline(never)]
     fn in_parts<const SIDE: bool>(&mut self, state: &mut BodyState, start: Start, period_s: f64) -> u32 {
-        let (mut point, mut size, mut parts) = (Point { start, at: 0 }, FINEST, 0);
-        while point.at < FINEST {
+        let (mut start, mut at, mut size, mut parts) = (start, 0, FINEST, 0);
+        while at < FINEST {
             parts += 1;
-            hit(3);
             let part_s = period_s * (f64::from(size) / f64::from(FINEST));
-            self.c.loads = Loads::new(&self.model.load.all_down);
-            point.start = Start::new(&self.c, point.start.speeds, point.start.shape, point.start.accel);
-            let (matrix, mut after) = self.standing::<SIDE>(&mut point.start, part_s);
-            let load_n = self.c.loads.at(after.accel);
-            let mut shape = self.shape::<SIDE>(&after.end);
-            let drive = Drive::at(&self.c, after.end.wheel, shape.spin_sign);
-            let now = (&shape, &drive, load_n);
-            let (error, missing) = step::error::<SIDE>(&self.c, &point.start, &matrix, &after, now, (NEW_MATRIX, part_s));
-            if error > 1.0 && error <= CORRECTED {
-                after = step::corrected(&after, &missing, part_s);
-                shape = self.shape::<SIDE>(&after.end);
-            } else if !(error <= 1.0) {
-                if size > NEWTON_SIZE {
+            let (after, shape, error) = match self.part::<SIDE>(&mut start, part_s) {
+                Ok(part) => part,
+                Err(error) if size > NEWTON_SIZE => {
                     // The error falls with the cube of the size.
                     size /= if error > 64.0 * CORRECTED && size > 2 * NEWTON_SIZE { 4 } else { 2 };
                     continue;
                 }
-                hit(4);
-                after = Newton::new(self.model, self.geometry, state, &self.c).advance(&point.start.speeds, part_s);
-                shape = self.shape::<SIDE>(&after.end);
-            }
+                Err(error) => {
+                    let newton = Newton::new(self.model, self.geometry, state, &self.c);
+                    let after = newton.advance(&start.speeds, part_s);
+                    (after, self.shape::<SIDE>(&after.end), error)
+                }
+            };
             take(state, &after, part_s);
-            point.start = Start::new(&self.c, after.end, shape, after.accel);
-            point.at += size;
-            if point.at < FINEST && error < 0.1 * CORRECTED && point.at.is_multiple_of(2 * size) {
+            start = Start::new(&self.c, after.end, shape, after.accel);
+            at += size;
+            if at < FINEST && error < 0.1 * CORRECTED && at.is_multiple_of(2 * size) {
                 size *= 2;
             }
         }
-        self.settle(state, &point.start.speeds, &point.start.shape);
+        self.settle(state, &start.speeds, &start.shape);
         parts
     }
 
-    /// A step in which no load is negative: wheels are taken off the floor, the most negative first.
-    fn standing<const SIDE: bool>(&mut self, start: &mut Start, part_s: f64) -> (Matrix, Advance) {
-        let mut down = [true; MAX_WHEELS];
-        let mut rows = self.model.load.all_down;
+    /// One part with every wheel either on the floor or without load; the error where it is too inaccurate.
+    ///
+    /// It begins with the wheels on the floor that were there in the part before: where loads react strongly to the
+    /// forces (mu h near half the wheelbase) more than one set of wheels can carry the robot, and it stays with the one
+    /// it has. Wheels whose load would be negative leave one by one.
+    fn part<const SIDE: bool>(&mut self, start: &mut Start, part_s: f64) -> Result<(Advance, Shape, f64), f64> {
+        let load = &self.model.load;
+        let mut down = load.standing_at(start.accel);
+        let mut fresh = down == [true; MAX_WHEELS];
         loop {
-            let matrix = self.matrix::<SIDE>(start, part_s);
-            let after = step::advance::<SIDE>(&self.c, start, &matrix, part_s);
-            let standing = down.iter().take(self.model.load.count()).filter(|down| **down).count();
-            let Some(worst) = rows.most_negative(after.accel).filter(|_| standing > 1) else {
-                return (matrix, after);
-            };
-            down[worst] = false;
-            rows = self.model.load.standing_on(&down);
+            let rows = load.standing_on(&down);
             self.c.loads = Loads::new(&rows);
             *start = Start::new(&self.c, start.speeds, start.shape, start.accel);
+            let matrix = self.matrix::<SIDE>(start, part_s);
+            let mut after = step::advance::<SIDE>(&self.c, start, &matrix, part_s);
+            let mut shape = self.shape::<SIDE>(&after.end);
+            let drive = Drive::at(&self.c, after.end.wheel, shape.spin_sign);
+            let now = (&shape, &drive, self.c.loads.at(after.accel));
+            let (error, missing) = step::error::<SIDE>(&self.c, start, &matrix, &after, now, (NEW_MATRIX, part_s));
+            if !(error <= CORRECTED) {
+                return Err(error);
+            }
+            let standing = down.iter().take(load.count()).filter(|down| **down).count();
+            if standing > 1 && rows.most_negative(after.accel).is_some() {
+                // Judged by what the loads of the part before would do: the solution may be on another branch.
+                let worst = rows.most_negative(start.explicit_accel(&self.c)).or(rows.most_negative(after.accel));
+                down[worst.unwrap_or(0)] = false;
+                continue;
+            }
+            let lands = load.all_down.at(after.accel);
+            if !fresh && (0..load.count()).any(|wheel| !down[wheel] && lands[wheel] > 0.0) {
+                (down, fresh) = ([true; MAX_WHEELS], true);
+                continue;
+            }
+            if error > 1.0 {
+                after = step::corrected(&after, &missing, part_s);
+                shape = self.shape::<SIDE>(&after.end);
+            }
+            return Ok((after, shape, error));
         }
     }
 

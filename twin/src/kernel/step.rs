@@ -94,6 +94,15 @@ impl Start {
     }
 }
 
+impl Start {
+    /// Acceleration of the contact forces with the loads of the part before, m/s^2.
+    pub(super) fn explicit_accel(&self, c: &Constants) -> [f64; 2] {
+        let force_l = c.friction * (self.shape.along * self.load_n);
+        let force_t = c.friction * (self.shape.across * self.load_n);
+        [0, 1].map(|j| sum(c.along[j] * force_l + c.across[j] * force_t) / c.mass_kg)
+    }
+}
+
 /// Advances by `period_s`.
 #[inline(always)]
 pub(super) fn advance<const SIDE: bool>(c: &Constants, start: &Start, matrix: &Matrix, period_s: f64) -> Advance {
