@@ -50,7 +50,11 @@ fn commands(count: usize, tick: u64) -> Vec<WheelCommand> {
 /// Time this thread was on a CPU, s.
 fn cpu_s() -> f64 {
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").expect("Linux scheduler statistics");
-    text.split(' ').next().and_then(|ns| ns.parse::<f64>().ok()).expect("a number") * 1e-9
+    text.split(' ')
+        .next()
+        .and_then(|ns| ns.parse::<f64>().ok())
+        .expect("a number")
+        * 1e-9
 }
 
 fn main() {

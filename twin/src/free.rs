@@ -1,7 +1,10 @@
 //! One robot on an open floor.
 
+use wide::f64x4;
+
 use crate::command::WheelCommand;
 use crate::effect::Runtime;
+use crate::lanes::{LANES, four};
 use crate::model::Model;
 use crate::motor_control;
 use crate::pose::Pose;
@@ -121,6 +124,11 @@ impl FreeRobot {
         energy
     }
 
+    /// Energy in the deflections of sticking contacts, J, with the loads at rest.
+    pub fn stored_energy_j(&self) -> f64 {
+        kernel::bristle::stored_j(&self.model, &self.state)
+    }
+
     /// True while every number is finite.
     pub fn is_finite(&self) -> bool {
         self.state.is_finite()
@@ -173,15 +181,16 @@ pub(crate) fn integrate(model: &Model, state: &mut BodyState, command: &WheelCom
 /// Speed loops at their sampling instant; without a motor model the driven wheels take their commanded speed.
 #[inline(always)]
 fn sample_controls(model: &Model, state: &mut BodyState, command: &WheelCommand) {
-    for lane in 0..model.lanes {
-        let wanted = command.wheel_rad_per_s[model.wheel_of_lane[lane]];
-        match &model.motor {
-            Some(motor) if model.driven[lane] => {
-                (state.integral[lane], state.voltage[lane]) =
-                    motor.sample(wanted - model.encoder_speed(state, lane), state.integral[lane]);
-            }
-            None if model.driven[lane] => state.wheel[lane] = wanted / model.encoder[lane],
-            _ => {}
+    let wanted = [0, 1, 2, 3].map(|lane| command.wheel_rad_per_s[model.wheel_of_lane[lane]]);
+    let Some(motor) = &model.motor else {
+        for lane in (0..model.lanes).filter(|lane| model.driven[*lane]) {
+            state.wheel[lane] = wanted[lane] / model.encoder[lane];
         }
-    }
+        return;
+    };
+    let seen = four(&model.encoder) * (four(&state.wheel) + four(&model.gear_rate_rad_per_s));
+    let (integral, voltage) = motor.sample(f64x4::new(wanted) - seen, four(&state.integral));
+    let driven = model.fixed.driven();
+    state.integral[..LANES].copy_from_slice(&(driven * integral).to_array());
+    state.voltage[..LANES].copy_from_slice(&(driven * voltage).to_array());
 }

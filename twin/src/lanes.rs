@@ -64,11 +64,24 @@ impl Real for f64x4 {
     }
     #[inline(always)]
     fn lesser(self, other: f64x4) -> f64x4 {
-        f64x4::fast_min(self, other)
+        // Both instruction sets take the second operand of their own order when the two are equal, as with 0 and -0.
+        if cfg!(target_arch = "x86_64") {
+            f64x4::fast_min(self, other)
+        } else if cfg!(all(target_arch = "wasm32", target_feature = "simd128")) {
+            f64x4::fast_min(other, self)
+        } else {
+            f64x4::new(pairs(self, other).map(|(a, b)| a.lesser(b)))
+        }
     }
     #[inline(always)]
     fn greater(self, other: f64x4) -> f64x4 {
-        f64x4::fast_max(self, other)
+        if cfg!(target_arch = "x86_64") {
+            f64x4::fast_max(self, other)
+        } else if cfg!(all(target_arch = "wasm32", target_feature = "simd128")) {
+            f64x4::fast_max(other, self)
+        } else {
+            f64x4::new(pairs(self, other).map(|(a, b)| a.greater(b)))
+        }
     }
     #[inline(always)]
     fn signed_like(self, sign: f64x4) -> f64x4 {
@@ -78,6 +91,12 @@ impl Real for f64x4 {
     fn power_of_two(self) -> f64x4 {
         f64x4::from_bits((self.to_bits() << 52_u32) + u64x4::splat(1023 << 52))
     }
+}
+
+#[inline(always)]
+fn pairs(a: f64x4, b: f64x4) -> [(f64, f64); LANES] {
+    let (a, b) = (a.to_array(), b.to_array());
+    [(a[0], b[0]), (a[1], b[1]), (a[2], b[2]), (a[3], b[3])]
 }
 
 /// `[of(0), of(1), of(2)]`
@@ -115,4 +134,31 @@ pub(crate) fn most(wheels: f64x4) -> f64 {
 #[inline(always)]
 pub(crate) fn one_below(value: f64x4, limit: f64x4) -> f64x4 {
     value.simd_lt(limit) & f64x4::splat(1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_vector_gives_what_its_numbers_give() {
+        let values = [0.0, -0.0, 1.5, -1.5, 1e-300, -1e300, f64::INFINITY, 0.3];
+        for a in values {
+            for b in values {
+                let (v, w) = (f64x4::splat(a), f64x4::splat(b));
+                for (vector, number) in [
+                    (v.lesser(w), a.lesser(b)),
+                    (v.greater(w), a.greater(b)),
+                    (v.signed_like(w), a.signed_like(b)),
+                    (Real::abs(v), Real::abs(a)),
+                ] {
+                    assert_eq!(
+                        vector.to_array().map(f64::to_bits),
+                        [number.to_bits(); LANES],
+                        "{a} {b}"
+                    );
+                }
+            }
+        }
+    }
 }

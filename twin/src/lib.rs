@@ -11,7 +11,7 @@ pub mod digest;
 pub mod effect;
 pub mod free;
 pub mod golden;
-pub mod kernel;
+mod kernel;
 mod kinematics;
 mod lanes;
 mod linear;
@@ -36,7 +36,7 @@ mod tyre;
 pub mod world;
 
 /// Version of the numbers this crate produces. Changes whenever any bit of any trace changes.
-pub const VERSION: &str = "twin-0.1.0/3";
+pub const VERSION: &str = "twin-0.1.0/4";
 
 /// Control ticks per second.
 pub const CONTROL_RATE_HZ: u32 = 120;

@@ -74,12 +74,21 @@ impl LoadModel {
             model.x_m[i] = *x;
             model.y_m[i] = *y;
         }
-        model.all_down = model.standing_on(&[true; MAX_WHEELS]);
+        model.all_down = model.solved(&[true; MAX_WHEELS]);
         model
     }
 
     /// Loads when only the wheels of `down` touch the floor.
     pub(crate) fn standing_on(&self, down: &[bool; MAX_WHEELS]) -> LoadRows {
+        if *down == [true; MAX_WHEELS] {
+            self.all_down
+        } else {
+            self.solved(down)
+        }
+    }
+
+    #[cold]
+    fn solved(&self, down: &[bool; MAX_WHEELS]) -> LoadRows {
         let scaled = |unit: [f64; 3], by: f64| self.minimum_norm(down, SVector::from(unit)).map(|load| load * by);
         let moment = -self.mass_kg * self.com_height_m;
         LoadRows {
@@ -104,7 +113,9 @@ impl LoadModel {
         let mut down = [true; MAX_WHEELS];
         let mut rows = self.all_down;
         for _ in 1..self.count {
-            let Some(worst) = rows.most_negative(accel_m_per_s2) else { break };
+            let Some(worst) = rows.most_negative(accel_m_per_s2) else {
+                break;
+            };
             down[worst] = false;
             rows = self.standing_on(&down);
         }

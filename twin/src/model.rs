@@ -1,6 +1,7 @@
 //! Constants of one robot's equations, laid out for the kernel.
 
 use crate::MAX_WHEELS;
+use crate::kernel::{Fixed, Lines};
 use crate::load::LoadModel;
 use crate::motor::MotorModel;
 use crate::robot::RobotDescription;
@@ -86,6 +87,8 @@ pub(crate) struct Model {
     pub(crate) gravity_m_per_s2: [f64; 2],
     /// Absent: the nominal contact.
     pub(crate) tyre: Option<Tyre>,
+    /// The same for the kernel; [`Model::freeze`] makes it.
+    pub(crate) fixed: Fixed,
 }
 
 /// Force of a collision, spread over one physics step, in body axes.
@@ -176,12 +179,20 @@ impl Model {
             body_force: [0.0; 3],
             gravity_m_per_s2: [0.0; 2],
             tyre: None,
+            fixed: Fixed::EMPTY,
         };
         for (lane, wheel) in order.into_iter().enumerate() {
             model.set_wheel(lane, wheel, robot);
         }
         model.set_steering(robot);
+        model.freeze();
         model
+    }
+
+    /// Lays the constants out for the kernel; to be called after any change of them.
+    #[inline(always)]
+    pub(crate) fn freeze(&mut self) {
+        self.fixed = Fixed::new(self);
     }
 
     /// Lane of a wheel by its position in `wheels`; none for casters.
@@ -270,6 +281,15 @@ impl Model {
         };
         if let (Some(steered), Some(fixed)) = (mean_x(true), mean_x(false)) {
             self.steering = Some(SteeringModel::new(steering, steered - fixed, fixed));
+        }
+    }
+
+    /// Directions of the wheels at a bicycle angle.
+    #[inline(always)]
+    pub(crate) fn lines_at(&self, steering_rad: f64) -> Lines {
+        match &self.steering {
+            Some(steering) => Lines::steered(self, steering, libm::tan(steering_rad)),
+            None => self.fixed.straight(),
         }
     }
 

@@ -1,6 +1,9 @@
 //! Motor and speed loop of a driven wheel.
 
+use wide::f64x4;
+
 use crate::PHYSICS_PERIOD_S;
+use crate::lanes::Real;
 use crate::robot::Motor;
 
 /// Constants of the motor equations.
@@ -30,13 +33,16 @@ impl MotorModel {
         }
     }
 
-    /// One sample of the speed loop: new error integral, rad, and voltage, V.
+    /// One sample of the speed loops: new error integrals, rad, and voltages, V.
     #[inline(always)]
-    pub(crate) fn sample(&self, error_rad_per_s: f64, integral_rad: f64) -> (f64, f64) {
-        let integral = integral_rad + error_rad_per_s * PHYSICS_PERIOD_S;
-        let integral = integral.min(self.integral_limit_rad).max(-self.integral_limit_rad);
-        let wanted = self.kp * error_rad_per_s + self.ki * integral;
-        (integral, wanted.min(self.supply_v).max(-self.supply_v))
+    pub(crate) fn sample(&self, error_rad_per_s: f64x4, integral_rad: f64x4) -> (f64x4, f64x4) {
+        let all = f64x4::splat;
+        let integral = integral_rad + error_rad_per_s * all(PHYSICS_PERIOD_S);
+        let limit_rad = all(self.integral_limit_rad);
+        let integral = integral.lesser(limit_rad).greater(-limit_rad);
+        let wanted = all(self.kp) * error_rad_per_s + all(self.ki) * integral;
+        let limit_v = all(self.supply_v);
+        (integral, wanted.lesser(limit_v).greater(-limit_v))
     }
 
     /// The battery's voltage now.

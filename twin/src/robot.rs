@@ -167,6 +167,7 @@ impl Robot {
         let mut model = Model::new(&effect::physical(&description, &active));
         model.nominal_friction = description.floor_friction;
         effect::shape(&mut model, &active);
+        model.freeze();
         let acting = residual.clone().filter(|residual| !residual.document().is_neutral());
         let dynamics = Dynamics::new(&model, &active, acting);
         let sensors = effect::sensor_stages(&active);

@@ -30,7 +30,7 @@ pub struct RobotState {
 
 /// Numbers outside the wheels in [`BodyState::words`].
 const BODY_WORDS: usize = 11;
-const WHEEL_WORDS: usize = 5;
+const WHEEL_WORDS: usize = 7;
 /// Most numbers of one robot.
 pub(crate) const MAX_WORDS: usize = BODY_WORDS + WHEEL_WORDS * MAX_WHEELS;
 
@@ -54,6 +54,11 @@ pub(crate) struct BodyState {
     pub(crate) integral: [f64; MAX_WHEELS],
     pub(crate) current: [f64; MAX_WHEELS],
     pub(crate) voltage: [f64; MAX_WHEELS],
+    /// Deflections of sticking contacts; see the kernel's `bristle`.
+    pub(crate) bristle_along_m: [f64; MAX_WHEELS],
+    pub(crate) bristle_across_m: [f64; MAX_WHEELS],
+    /// Whether any is not zero.
+    pub(crate) sticks: bool,
     /// Empty at the start of every tick.
     pub(crate) carry: Carry,
 }
@@ -81,6 +86,9 @@ impl BodyState {
             integral: zero,
             current: zero,
             voltage: zero,
+            bristle_along_m: zero,
+            bristle_across_m: zero,
+            sticks: false,
             carry: Carry::EMPTY,
         }
     }
@@ -130,7 +138,15 @@ impl BodyState {
             self.steering_rad,
         ]);
         let mut at = BODY_WORDS;
-        for array in [&self.wheel, &self.angle, &self.integral, &self.current, &self.voltage] {
+        for array in [
+            &self.wheel,
+            &self.angle,
+            &self.integral,
+            &self.current,
+            &self.voltage,
+            &self.bristle_along_m,
+            &self.bristle_across_m,
+        ] {
             out[at..at + lanes].copy_from_slice(&array[..lanes]);
             at += lanes;
         }
@@ -172,10 +188,14 @@ impl BodyState {
             &mut state.integral,
             &mut state.current,
             &mut state.voltage,
+            &mut state.bristle_along_m,
+            &mut state.bristle_across_m,
         ];
         for (index, array) in arrays.into_iter().enumerate() {
             array[..lanes].copy_from_slice(&wheels[index * lanes..(index + 1) * lanes]);
         }
+        let deflected = |array: &[f64]| array.iter().any(|deflection| *deflection != 0.0);
+        state.sticks = deflected(&state.bristle_along_m) || deflected(&state.bristle_across_m);
         Some(state)
     }
 

@@ -1,9 +1,17 @@
 //! Steering gear and Ackermann geometry.
 
+use crate::PHYSICS_PERIOD_S;
 use crate::robot::Steering;
 
 /// Largest usable bicycle angle, rad; Ackermann geometry ends at pi/2.
 pub(crate) const STEERING_LIMIT_RAD: f64 = 1.5;
+
+/// Periods whose decay is at hand, s.
+const DECAY_S: [f64; 2] = [PHYSICS_PERIOD_S, 0.5 * PHYSICS_PERIOD_S];
+
+fn decay(period_s: f64, lag_s: f64) -> f64 {
+    if lag_s > 0.0 { libm::exp(-period_s / lag_s) } else { 0.0 }
+}
 
 /// Constants of the steering equations.
 ///
@@ -11,6 +19,8 @@ pub(crate) const STEERING_LIMIT_RAD: f64 = 1.5;
 #[derive(Debug, Clone)]
 pub(crate) struct SteeringModel {
     pub(crate) lag_s: f64,
+    /// exp(-t / lag) after a physics step and after half of one.
+    decay: [f64; 2],
     pub(crate) rate_limit_rad_per_s: f64,
     pub(crate) angle_limit_rad: f64,
     /// `L`: distance of the steered axle ahead of the fixed axle, m (negative for rear steering).
@@ -23,6 +33,7 @@ impl SteeringModel {
     pub(crate) fn new(steering: &Steering, wheelbase_m: f64, fixed_axle_x_m: f64) -> SteeringModel {
         SteeringModel {
             lag_s: steering.lag_s,
+            decay: DECAY_S.map(|period_s| decay(period_s, steering.lag_s)),
             rate_limit_rad_per_s: steering.rate_limit_rad_per_s.unwrap_or(f64::INFINITY),
             angle_limit_rad: steering
                 .angle_limit_rad
@@ -51,10 +62,12 @@ impl SteeringModel {
             left_s -= limited_s;
         }
         if left_s > 0.0 {
-            size = if self.lag_s > 0.0 {
-                size * libm::exp(-left_s / self.lag_s)
+            size *= if left_s == DECAY_S[0] {
+                self.decay[0]
+            } else if left_s == DECAY_S[1] {
+                self.decay[1]
             } else {
-                0.0
+                decay(left_s, self.lag_s)
             };
         }
         goal - size.copysign(gap)

@@ -164,7 +164,7 @@ fn energy_of_a_coasting_robot_never_rises() {
         let mut energy = free.kinetic_energy_j();
         for step in 0..4800 {
             free.step(&WheelCommand::default());
-            let now = free.kinetic_energy_j();
+            let now = free.kinetic_energy_j() + free.stored_energy_j();
             assert!(now <= energy + 1e-9, "{} step {step}: {energy} -> {now}", robot.name());
             energy = now;
         }

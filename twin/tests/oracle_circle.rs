@@ -109,8 +109,9 @@ fn a_sideways_slide_ends_after_the_known_distance() {
         let mut free = FreeRobot::moving(&robot, &start);
         run(&mut free, &WheelCommand::default(), 3.0);
         assert!(free.state().twist.speed_m_per_s() < 1e-9);
-        // Statics keeps the yaw moment at zero; the integrator's error at the stop is below s0 x 2 ms.
-        assert_close(robot.name(), free.state().pose.y_m, expected, 2e-4);
+        // Statics keeps the yaw moment at zero; sticking spares the end of the creep below s0/2: (s0/2) s0/a.
+        let spared = 0.5 * SLIP_SCALE_M_PER_S * SLIP_SCALE_M_PER_S / deceleration;
+        assert_close(robot.name(), free.state().pose.y_m, expected, spared / expected);
         assert!(free.state().pose.yaw_rad.abs() < 1e-6, "{}", free.state().pose.yaw_rad);
     }
 }

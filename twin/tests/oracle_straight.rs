@@ -155,7 +155,6 @@ fn a_lifted_front_axle_leaves_all_weight_to_the_rear() {
 }
 
 #[test]
-#[ignore = "loads lag one step: with mu h > x_c the front caster lifts and lands every step and the mean is 3 % low"]
 fn a_lifted_caster_shifts_load_from_the_driven_wheels() {
     // Where mu h > x_c (two casters at +-x_c = 0.12 m) the front caster is in the air; the rear one carries m h a/x_c
     // and the driven wheels the rest: a = mu (g - h a/x_c)  =>  a = mu g/(1 + mu h/x_c).

@@ -237,7 +237,10 @@ pub(crate) struct Runtime {
 impl Runtime {
     pub(crate) fn new(dynamics: Dynamics, drives: Option<Drives>, nominal: &Model, base: &Model) -> Runtime {
         let mut base = base.clone();
-        base.contact_varies |= dynamics.laws.iter().any(|(law, _)| matches!(law, Law::Eccentricity { .. }));
+        base.contact_varies |= dynamics
+            .laws
+            .iter()
+            .any(|(law, _)| matches!(law, Law::Eccentricity { .. }));
         Runtime {
             nominal: nominal.clone(),
             live: base.clone(),
@@ -326,16 +329,18 @@ impl Runtime {
             }
         }
         self.set_supply(state);
-        for index in 0..self.dynamics.laws.len() {
-            let (law, at) = self.dynamics.laws[index].clone();
-            self.apply(&law, at, state);
+        let laws = core::mem::take(&mut self.dynamics.laws);
+        for (law, at) in &laws {
+            self.apply(law, *at, state);
         }
+        self.dynamics.laws = laws;
         if let Some((_, at)) = &self.dynamics.residual {
             let live = &mut self.live;
             live.body_force[0] += live.mass_kg * self.memory[*at];
             live.body_force[1] += live.mass_kg * self.memory[at + 1];
             live.body_force[2] += live.yaw_inertia_kg_m2 * self.memory[at + 2];
         }
+        self.live.freeze();
         self.step += 1;
     }
 

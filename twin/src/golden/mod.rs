@@ -27,23 +27,23 @@ pub struct Golden {
 pub const TABLE: [Golden; 5] = [
     Golden {
         name: "omni4-alone",
-        digest: "030ae827f04bd8a329a86592c1ecd3df",
+        digest: "7fbf7458b9b1c8a04e068be1ed283056",
     },
     Golden {
         name: "diff2-alone",
-        digest: "e260e06e3c99e4c0d2e27a3f2da44414",
+        digest: "e5e3a3c72fd79afe577625acf3d8f902",
     },
     Golden {
         name: "awd-slippery",
-        digest: "a1c64de28c5808672673a70ae5c6de46",
+        digest: "3d61d79fa575b52e4bff5e6c61e374a3",
     },
     Golden {
         name: "head-on",
-        digest: "906e1e71898393eaffb9f66edcf34ea9",
+        digest: "ee9f82f84eec81613a105561b9d6ba03",
     },
     Golden {
         name: "pile-up",
-        digest: "d78b72d654d641a1022452bc0842ed11",
+        digest: "472b709fee3c8237e3c695f8c840a81b",
     },
 ];
 

@@ -55,9 +55,15 @@ impl Matrix {
         let slope = [stiffness * shape.d_ll, stiffness * shape.d_lt, stiffness * shape.d_tt];
         let s = each(|j| k * slope[j]);
         let torque_slope = drive.slope(c);
-        let gain = c.free / ((c.spin_inertia_kg_m2 + k * torque_slope) + (c.radius_m * c.radius_m) * s[0]);
+        let gain = c.free / ((c.spin_inertia_kg_m2 + k * torque_slope) + c.radius2_m2 * s[0]);
         let grip = [c.friction * shape.along, c.friction * shape.across];
-        let both = |l: f64x4, t: f64x4, j: usize| if SIDE { l * c.along[j] + t * c.across[j] } else { l * c.along[j] };
+        let both = |l: f64x4, t: f64x4, j: usize| {
+            if SIDE {
+                l * c.lines.along[j] + t * c.lines.across[j]
+            } else {
+                l * c.lines.along[j]
+            }
+        };
         let a = each(|j| both(s[0], s[1], j));
         let pull = each(|j| c.radius_m * a[j]);
         let push = each(|j| gain * pull[j]);
@@ -65,21 +71,37 @@ impl Matrix {
         let retarding = c.radius_m * grip[0];
         let b = each(|j| both(s[1], s[2], j));
         let symmetric = |i: usize, j: usize| {
-            let along = c.along[i] * a[j] - push[i] * pull[j];
-            sum(if SIDE { along + c.across[i] * b[j] } else { along })
+            let along = c.lines.along[i] * a[j] - push[i] * pull[j];
+            sum(if SIDE { along + c.lines.across[i] * b[j] } else { along })
         };
         let coupling = each(|j| push[j] * retarding - per_load[j]);
         // Load per body derivative: n . (k + gamma h d(-r v, r u)/dy k).
         let (x, y) = (c.loads.per_x, c.loads.per_y);
-        let (kr, ku, kv) = (f64x4::splat(kappa * r), f64x4::splat(kappa * u), f64x4::splat(kappa * v));
+        let (kr, ku, kv) = (
+            f64x4::splat(kappa * r),
+            f64x4::splat(kappa * u),
+            f64x4::splat(kappa * v),
+        );
         let load = [x + kr * y, y - kr * x, ku * y - kv * x];
         let coupled = |i: usize, j: usize| sum(coupling[i] * load[j]);
         let (s01, s02, s12) = (symmetric(0, 1), symmetric(0, 2), symmetric(1, 2));
         let (m, km) = (c.mass_kg, kappa * c.mass_kg);
         let full = [
-            [m + (symmetric(0, 0) + coupled(0, 0)), s01 + (coupled(0, 1) - km * r), s02 + (coupled(0, 2) - km * v)],
-            [s01 + (coupled(1, 0) + km * r), m + (symmetric(1, 1) + coupled(1, 1)), s12 + (coupled(1, 2) + km * u)],
-            [s02 + coupled(2, 0), s12 + coupled(2, 1), c.yaw_inertia_kg_m2 + (symmetric(2, 2) + coupled(2, 2))],
+            [
+                m + (symmetric(0, 0) + coupled(0, 0)),
+                s01 + (coupled(0, 1) - km * r),
+                s02 + (coupled(0, 2) - km * v),
+            ],
+            [
+                s01 + (coupled(1, 0) + km * r),
+                m + (symmetric(1, 1) + coupled(1, 1)),
+                s12 + (coupled(1, 2) + km * u),
+            ],
+            [
+                s02 + coupled(2, 0),
+                s12 + coupled(2, 1),
+                c.yaw_inertia_kg_m2 + (symmetric(2, 2) + coupled(2, 2)),
+            ],
         ];
         Matrix {
             inverse: inverse(&full),

@@ -13,25 +13,26 @@
 //! where it sees itself err, as where a wheel passes from slip to grip, the step is divided, and the finest parts are
 //! solved by Newton's method ([`newton`]). How finely depends on the state alone.
 
+pub(crate) mod bristle;
 mod constants;
 mod matrix;
 mod newton;
 mod shape;
 mod step;
 
-use crate::lanes::{LANES, four, least};
-use crate::model::{Geometry, Model};
+use wide::f64x4;
+
+use crate::lanes::{LANES, each, four, least};
+use crate::model::Model;
 use crate::state::BodyState;
 use crate::{MAX_WHEELS, math};
 use constants::{Constants, Loads};
+pub(crate) use constants::{Fixed, Lines};
 use matrix::Matrix;
 use newton::Newton;
 use shape::{Shape, Speeds};
 use step::{Advance, Drive, Start};
 
-pub static STEPS: [core::sync::atomic::AtomicU64; 12] = [const { core::sync::atomic::AtomicU64::new(0) }; 12];
-#[inline(always)]
-fn hit(i: usize) { if false {STEPS[i].fetch_add(1, core::sync::atomic::Ordering::Relaxed);} }
 /// Parts of a physics step at the finest.
 const FINEST: u32 = 64;
 /// A part of at most this many of the finest is solved by Newton's method when the linear step errs.
@@ -78,18 +79,18 @@ impl Carry {
 ///
 /// Geometry and voltages are those of the whole step. Returns the number of parts.
 pub(crate) fn advance(model: &Model, state: &mut BodyState, period_s: f64) -> u32 {
+    debug_assert!(model.fixed == Fixed::new(model), "vectors of a model that has changed");
     let steered;
     let wheels_rad = model.wheel_steering.wheels_rad(state.steering_rad);
-    let geometry = if model.steering.is_some() {
-        steered = model.geometry_at(wheels_rad);
+    let lines = if model.steering.is_some() {
+        steered = model.lines_at(wheels_rad);
         &steered
     } else {
-        &model.geometry
+        &model.fixed.straight
     };
     let mut kernel = Kernel {
         model,
-        geometry,
-        c: Constants::new(model, geometry, state),
+        c: Constants::new(model, lines, state),
         wheels_rad,
     };
     if model.has_side {
@@ -102,8 +103,7 @@ pub(crate) fn advance(model: &Model, state: &mut BodyState, period_s: f64) -> u3
 /// One robot in one physics step.
 struct Kernel<'a> {
     model: &'a Model,
-    geometry: &'a Geometry,
-    c: Constants,
+    c: Constants<'a>,
     wheels_rad: f64,
 }
 
@@ -136,7 +136,25 @@ impl Kernel<'_> {
             wheel: four(&state.wheel),
         };
         let shape = self.first_shape::<SIDE>(state, &speeds);
+        if state.sticks {
+            let lines = self.c.lines;
+            bristle::load(&mut self.c, lines, state, &shape);
+        }
         let start = Start::new(&self.c, speeds, shape, [state.accel_x, state.accel_y]);
+        let parts = self.whole_or_parts::<SIDE>(state, start, period_s);
+        if state.sticks || bristle::is_slow(&self.c, speeds.wheel) {
+            let half = 0.5;
+            let mean = Speeds {
+                twist: each(|j| half * (speeds.twist[j] + [state.u, state.v, state.r][j])),
+                wheel: f64x4::splat(half) * (speeds.wheel + four(&state.wheel)),
+            };
+            state.sticks = bristle::advance::<SIDE>(&self.c, state, &mean, period_s);
+        }
+        parts
+    }
+
+    #[inline(always)]
+    fn whole_or_parts<const SIDE: bool>(&mut self, state: &mut BodyState, start: Start, period_s: f64) -> u32 {
         let carry = &mut state.carry;
         let mut weight = OLD_MATRIX;
         if carry.matrix_steps == 0 || carry.matrix_period_s != period_s {
@@ -144,9 +162,7 @@ impl Kernel<'_> {
             carry.matrix = self.matrix::<SIDE>(&start, period_s);
             carry.matrix_period_s = period_s;
             carry.matrix_steps = MATRIX_STEPS;
-            hit(1);
         }
-        hit(0);
         state.carry.matrix_steps -= 1;
         if self.whole::<SIDE>(state, &start, (weight, period_s)) {
             return 1;
@@ -159,7 +175,6 @@ impl Kernel<'_> {
             }
         }
         state.carry.matrix_steps = 0;
-        hit(2);
         self.in_parts::<SIDE>(state, start, period_s)
     }
 
@@ -171,12 +186,7 @@ impl Kernel<'_> {
 
     /// Takes the step if it is accurate and leaves every wheel on the floor.
     #[inline(always)]
-    fn whole<const SIDE: bool>(
-        &self,
-        state: &mut BodyState,
-        start: &Start,
-        (weight, period_s): (f64, f64),
-    ) -> bool {
+    fn whole<const SIDE: bool>(&self, state: &mut BodyState, start: &Start, (weight, period_s): (f64, f64)) -> bool {
         let matrix = &state.carry.matrix;
         let after = step::advance::<SIDE>(&self.c, start, matrix, period_s);
         let load_n = self.c.loads.at(after.accel);
@@ -187,7 +197,7 @@ impl Kernel<'_> {
         let standing = least(load_n) >= 0.0 && least(start.load_n) >= 0.0 && self.model.load.count() <= LANES;
         if error <= 1.0 && standing {
             take(state, &after, period_s);
-            self.settle(state, &after.end, &shape);
+            self.settle(state, &after.end, &shape, &drive);
             return true;
         }
         standing && error <= CORRECTED && self.corrected::<SIDE>(state, &after, &missing, period_s)
@@ -196,14 +206,21 @@ impl Kernel<'_> {
     /// Takes the step less its estimated error.
     #[cold]
     #[inline(never)]
-    fn corrected<const SIDE: bool>(&self, state: &mut BodyState, after: &Advance, missing: &Speeds, period_s: f64) -> bool {
+    fn corrected<const SIDE: bool>(
+        &self,
+        state: &mut BodyState,
+        after: &Advance,
+        missing: &Speeds,
+        period_s: f64,
+    ) -> bool {
         let after = step::corrected(after, missing, period_s);
-        if !(least(self.c.loads.at(after.accel)) >= 0.0) {
+        if least(self.c.loads.at(after.accel)) < 0.0 {
             return false;
         }
-        hit(5);
         take(state, &after, period_s);
-        self.settle(state, &after.end, &self.shape::<SIDE>(&after.end));
+        let shape = self.shape::<SIDE>(&after.end);
+        let drive = Drive::at(&self.c, after.end.wheel, shape.spin_sign);
+        self.settle(state, &after.end, &shape, &drive);
         true
     }
 
@@ -219,11 +236,15 @@ impl Kernel<'_> {
                 Ok(part) => part,
                 Err(error) if size > NEWTON_SIZE => {
                     // The error falls with the cube of the size.
-                    size /= if error > 64.0 * CORRECTED && size > 2 * NEWTON_SIZE { 4 } else { 2 };
+                    size /= if error > 64.0 * CORRECTED && size > 2 * NEWTON_SIZE {
+                        4
+                    } else {
+                        2
+                    };
                     continue;
                 }
                 Err(error) => {
-                    let newton = Newton::new(self.model, self.geometry, state, &self.c);
+                    let newton = Newton::new(self.model, state, &self.c);
                     let after = newton.advance(&start.speeds, part_s);
                     (after, self.shape::<SIDE>(&after.end), error)
                 }
@@ -235,7 +256,7 @@ impl Kernel<'_> {
                 size *= 2;
             }
         }
-        self.settle(state, &start.speeds, &start.shape);
+        self.settle(state, &start.speeds, &start.shape, &start.drive);
         parts
     }
 
@@ -258,13 +279,15 @@ impl Kernel<'_> {
             let drive = Drive::at(&self.c, after.end.wheel, shape.spin_sign);
             let now = (&shape, &drive, self.c.loads.at(after.accel));
             let (error, missing) = step::error::<SIDE>(&self.c, start, &matrix, &after, now, (NEW_MATRIX, part_s));
-            if !(error <= CORRECTED) {
+            if error > CORRECTED || error.is_nan() {
                 return Err(error);
             }
             let standing = down.iter().take(load.count()).filter(|down| **down).count();
             if standing > 1 && rows.most_negative(after.accel).is_some() {
                 // Judged by what the loads of the part before would do: the solution may be on another branch.
-                let worst = rows.most_negative(start.explicit_accel(&self.c)).or(rows.most_negative(after.accel));
+                let worst = rows
+                    .most_negative(start.explicit_accel(&self.c))
+                    .or(rows.most_negative(after.accel));
                 down[worst.unwrap_or(0)] = false;
                 continue;
             }
@@ -283,16 +306,10 @@ impl Kernel<'_> {
 
     /// Writes velocities and currents at the end of the step.
     #[inline(always)]
-    fn settle(&self, state: &mut BodyState, end: &Speeds, shape: &Shape) {
+    fn settle(&self, state: &mut BodyState, end: &Speeds, shape: &Shape, drive: &Drive) {
         [state.u, state.v, state.r] = end.twist;
         state.wheel[..LANES].copy_from_slice(&end.wheel.to_array());
-        let model = self.model;
-        if let Some(motor) = &model.motor {
-            for lane in 0..LANES {
-                state.current[lane] =
-                    model.powered[lane] * model.current_a(motor, lane, state.voltage[lane], state.wheel[lane]);
-            }
-        }
+        state.current[..LANES].copy_from_slice(&(self.c.present * drive.current_a).to_array());
         state.carry.ended = Some((*end, self.wheels_rad, *shape));
     }
 }
@@ -303,8 +320,8 @@ fn take(state: &mut BodyState, after: &Advance, part_s: f64) {
     [state.accel_x, state.accel_y] = after.accel;
     move_pose(state, after.mean.twist, part_s);
     let turned = after.mean.wheel.to_array();
-    for lane in 0..LANES {
-        state.angle[lane] += part_s * turned[lane];
+    for (angle, turned) in state.angle.iter_mut().zip(turned) {
+        *angle += part_s * turned;
     }
 }
 

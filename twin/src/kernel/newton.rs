@@ -15,7 +15,7 @@ use crate::math;
 use crate::model::{Geometry, Model};
 use crate::state::BodyState;
 use crate::tyre::Tyre;
-use crate::{COULOMB_SCALE_RAD_PER_S, SLIP_SCALE_M_PER_S};
+use crate::{COULOMB_SCALE_RAD_PER_S, MAX_WHEELS, SLIP_SCALE_M_PER_S};
 
 /// 1 - 1/sqrt 2.
 const GAMMA: f64 = 0.292_893_218_813_452_5;
@@ -38,7 +38,7 @@ struct Stage {
 /// Inputs that stay the same during a step.
 pub(super) struct Newton<'a> {
     model: &'a Model,
-    geometry: &'a Geometry,
+    geometry: Geometry,
     /// mu N_i / s0, N s/m.
     grip: [f64; N],
     /// V_i, held during the step.
@@ -72,18 +72,23 @@ struct Sums {
 
 impl<'a> Newton<'a> {
     /// With the loads at the acceleration of the part before.
-    pub(super) fn new(model: &'a Model, geometry: &'a Geometry, state: &BodyState, c: &Constants) -> Newton<'a> {
+    pub(super) fn new(model: &'a Model, state: &BodyState, c: &Constants) -> Newton<'a> {
         let loads = model.load.loads_n(state.accel_x, state.accel_y);
         let mut newton = Newton {
             model,
-            geometry,
+            geometry: Geometry {
+                cos: by_wheel(c.lines.along[0]),
+                sin: by_wheel(c.lines.along[1]),
+                arm_along_m: by_wheel(c.lines.along[2]),
+                arm_across_m: by_wheel(c.lines.across[2]),
+            },
             grip: [0.0; N],
             voltage: [0.0; N],
             body_force: c.body_force,
             torque: c.torque_n_m.to_array(),
         };
-        for i in 0..N {
-            newton.grip[i] = model.friction[i] / SLIP_SCALE_M_PER_S * loads[i];
+        for (i, load) in loads.iter().take(N).enumerate() {
+            newton.grip[i] = model.friction[i] / SLIP_SCALE_M_PER_S * load;
             newton.voltage[i] = state.voltage[i];
         }
         newton
@@ -107,10 +112,7 @@ impl<'a> Newton<'a> {
         let rate = |j: usize| (second.z[j] - now.z[j]) / part_s;
         let twist = [0, 1, 2].map(|j| mean(first.z[j], second.z[j]));
         let g = self.model.gravity_m_per_s2;
-        let mut wheel = [0.0; N];
-        for i in 0..N {
-            wheel[i] = mean(first.wheel[i], second.wheel[i]);
-        }
+        let wheel = [0, 1, 2, 3].map(|i| mean(first.wheel[i], second.wheel[i]));
         Advance {
             end: Speeds {
                 twist: second.z,
@@ -120,12 +122,15 @@ impl<'a> Newton<'a> {
                 twist,
                 wheel: f64x4::new(wheel),
             },
-            accel: [rate(0) - twist[2] * twist[1] - g[0], rate(1) + twist[2] * twist[0] - g[1]],
+            accel: [
+                rate(0) - twist[2] * twist[1] - g[0],
+                rate(1) + twist[2] * twist[0] - g[1],
+            ],
         }
     }
 
     /// Solves y = base + k f(y) from a first guess.
-        fn solve(&self, base: &Stage, guess: Stage, k: f64) -> Stage {
+    fn solve(&self, base: &Stage, guess: Stage, k: f64) -> Stage {
         let mut y = guess;
         for i in 0..N {
             // Wheels without a motor model keep the commanded speed exactly.
@@ -146,15 +151,8 @@ impl<'a> Newton<'a> {
     /// One Newton (tangent 1) or secant (tangent 0) iteration; returns the largest change of a slip, m/s.
     ///
     /// Short passes over all wheels, so that the compiler takes several wheels at once.
-        fn iterate(
-        &self,
-        base: &Stage,
-        y: &mut Stage,
-        k: f64,
-        tangent: &[f64; N],
-        moved: &mut [f64; N],
-    ) -> f64 {
-        let (m, g) = (self.model, self.geometry);
+    fn iterate(&self, base: &Stage, y: &mut Stage, k: f64, tangent: &[f64; N], moved: &mut [f64; N]) -> f64 {
+        let (m, g) = (self.model, &self.geometry);
         let contact = match &m.tyre {
             None => self.contact(y, tangent),
             Some(tyre) => self.tyre_contact(tyre, y),
@@ -205,15 +203,14 @@ impl<'a> Newton<'a> {
             moved[i] = (m.radius_m[i] * change - along).abs() + m.lateral[i] * across.abs();
         }
         y.z = [y.z[0] + du, y.z[1] + dv, y.z[2] + dr];
-        let largest = moved
+        moved
             .iter()
-            .fold(0.0_f64, |largest, slip| if *slip > largest { *slip } else { largest });
-        largest
+            .fold(0.0_f64, |largest, slip| if *slip > largest { *slip } else { largest })
     }
 
     /// Contact forces and their slopes over the slip.
-        fn contact(&self, y: &Stage, tangent: &[f64; N]) -> Contacts {
-        let (m, g) = (self.model, self.geometry);
+    fn contact(&self, y: &Stage, tangent: &[f64; N]) -> Contacts {
+        let (m, g) = (self.model, &self.geometry);
         let [u, v, r] = y.z;
         let (mut ql, mut qt, mut q2, mut t) = ([0.0; N], [0.0; N], [0.0; N], [0.0; N]);
         const PER_SCALE: f64 = 1.0 / SLIP_SCALE_M_PER_S;
@@ -249,7 +246,7 @@ impl<'a> Newton<'a> {
     /// The same with a tyre of its own in each direction. The slopes stay symmetric: they steer the iteration only.
     #[inline(never)]
     fn tyre_contact(&self, tyre: &Tyre, y: &Stage) -> Contacts {
-        let (m, g) = (self.model, self.geometry);
+        let (m, g) = (self.model, &self.geometry);
         let [u, v, r] = y.z;
         let mut out = Contacts {
             force_l: [0.0; N],
@@ -272,7 +269,7 @@ impl<'a> Newton<'a> {
     }
 
     /// Torques on the wheels but for the contact, N m, and minus their slopes over the wheel speed, N m s.
-        fn drive(&self, wheel: &[f64; N]) -> ([f64; N], [f64; N]) {
+    fn drive(&self, wheel: &[f64; N]) -> ([f64; N], [f64; N]) {
         let m = self.model;
         let (mut torque, mut slope, mut t) = ([0.0; N], [0.0; N], [0.0; N]);
         for i in 0..N {
@@ -299,7 +296,7 @@ impl<'a> Newton<'a> {
     }
 
     /// Solves the 3 x 3 system for the change of the body twist.
-        fn body_change(&self, base: &Stage, y: &Stage, k: f64, sums: &Sums) -> [f64; 3] {
+    fn body_change(&self, base: &Stage, y: &Stage, k: f64, sums: &Sums) -> [f64; 3] {
         let (mass, inertia) = (self.model.mass_kg, self.model.yaw_inertia_kg_m2);
         let [u, v, r] = y.z;
         let km = k * mass;
@@ -339,4 +336,10 @@ fn extrapolated(start: &Stage, first: &Stage, factor: f64) -> Stage {
         out.wheel[i] += factor * (first.wheel[i] - start.wheel[i]);
     }
     out
+}
+
+fn by_wheel(lanes: f64x4) -> [f64; MAX_WHEELS] {
+    let mut wheels = [0.0; MAX_WHEELS];
+    wheels[..N].copy_from_slice(&lanes.to_array());
+    wheels
 }

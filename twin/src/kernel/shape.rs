@@ -37,8 +37,12 @@ pub(super) struct Shape {
 pub(super) fn slips<const SIDE: bool>(c: &Constants, at: &Speeds) -> (f64x4, f64x4) {
     let [u, v, r] = each(|j| f64x4::splat(at.twist[j]));
     let line = |[x, y, arm]: &[f64x4; 3]| (*x * u + *y * v) + *arm * r;
-    let along = c.radius_m * at.wheel - line(&c.along);
-    let across = if SIDE { -(c.lateral * line(&c.across)) } else { f64x4::ZERO };
+    let along = c.radius_m * at.wheel - line(&c.lines.along);
+    let across = if SIDE {
+        -(c.lateral * line(&c.lines.across))
+    } else {
+        f64x4::ZERO
+    };
     (along, across)
 }
 

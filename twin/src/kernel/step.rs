@@ -44,27 +44,29 @@ pub(super) struct Advance {
 #[derive(Clone, Copy)]
 pub(super) struct Drive {
     /// Before the limit, A.
-    current_a: f64x4,
+    free_a: f64x4,
     spin_sign: f64x4,
+    pub(super) current_a: f64x4,
     torque_n_m: f64x4,
 }
 
 impl Drive {
     #[inline(always)]
     pub(super) fn at(c: &Constants, wheel: f64x4, spin_sign: f64x4) -> Drive {
-        let current_a = (c.voltage_v - c.torque_per_current * wheel) * c.per_ohm;
-        let limited = current_a.lesser(c.current_limit_a).greater(-c.current_limit_a);
+        let free_a = (c.voltage_v - c.torque_per_current * wheel) * c.per_ohm;
+        let current_a = free_a.lesser(c.current_limit_a).greater(-c.current_limit_a);
         Drive {
-            current_a,
+            free_a,
             spin_sign,
-            torque_n_m: c.powered * limited - (c.viscous_n_m_s * wheel + c.coulomb_n_m * spin_sign),
+            current_a,
+            torque_n_m: c.powered * current_a - (c.viscous_n_m_s * wheel + c.coulomb_n_m * spin_sign),
         }
     }
 
     /// Minus the slope of the torque over the wheel speed, N m s.
     #[inline(always)]
     pub(super) fn slope(&self, c: &Constants) -> f64x4 {
-        let motor = one_below(self.current_a.abs(), c.current_limit_a) * (c.powered * (c.torque_per_current * c.per_ohm));
+        let motor = one_below(self.free_a.abs(), c.current_limit_a) * c.back_torque;
         let flat = f64x4::splat(1.0) - self.spin_sign * self.spin_sign;
         motor + (c.viscous_n_m_s + c.coulomb_n_m * (flat * f64x4::splat(1.0 / COULOMB_SCALE_RAD_PER_S)))
     }
@@ -99,7 +101,7 @@ impl Start {
     pub(super) fn explicit_accel(&self, c: &Constants) -> [f64; 2] {
         let force_l = c.friction * (self.shape.along * self.load_n);
         let force_t = c.friction * (self.shape.across * self.load_n);
-        [0, 1].map(|j| sum(c.along[j] * force_l + c.across[j] * force_t) / c.mass_kg)
+        [0, 1].map(|j| sum(c.lines.along[j] * force_l + c.lines.across[j] * force_t) / c.mass_kg)
     }
 }
 
@@ -115,12 +117,19 @@ pub(super) fn advance<const SIDE: bool>(c: &Constants, start: &Start, matrix: &M
     // First stage, about the acceleration of the part before.
     let force_l = c.friction * (start.shape.along * start.load_n);
     let force_t = c.friction * (start.shape.across * start.load_n);
-    let known = c.loads.transfer([(start.accel[0] - turning[0]) + g[0], (start.accel[1] - turning[1]) + g[1]]);
+    let known = c.loads.transfer([
+        (start.accel[0] - turning[0]) + g[0],
+        (start.accel[1] - turning[1]) + g[1],
+    ]);
     let wheel_1 = (start.drive.torque_n_m + c.torque_n_m) - c.radius_m * (force_l - matrix.grip[0] * known);
     let sum_1 = |j: usize| {
         let wheels = matrix.push[j] * wheel_1 - matrix.per_load[j] * known;
-        let along = wheels + c.along[j] * force_l;
-        sum(if SIDE { along + c.across[j] * force_t } else { along })
+        let along = wheels + c.lines.along[j] * force_l;
+        sum(if SIDE {
+            along + c.lines.across[j] * force_t
+        } else {
+            along
+        })
     };
     let k1 = matrix.body([
         (sum_1(0) + c.body_force[0]) - m * turning[0],
@@ -133,7 +142,11 @@ pub(super) fn advance<const SIDE: bool>(c: &Constants, start: &Start, matrix: &M
     let change = c.loads.transfer([k1[0], k1[1]]);
     let wheel_2 = c.spin_inertia_kg_m2 * wheel_k1 + c.radius_m * (matrix.grip[0] * change);
     let sum_2 = |j: usize| sum(matrix.push[j] * wheel_2 - matrix.per_load[j] * change);
-    let k2 = matrix.body([m * k1[0] + sum_2(0), m * k1[1] + sum_2(1), c.yaw_inertia_kg_m2 * k1[2] + sum_2(2)]);
+    let k2 = matrix.body([
+        m * k1[0] + sum_2(0),
+        m * k1[1] + sum_2(1),
+        c.yaw_inertia_kg_m2 * k1[2] + sum_2(2),
+    ]);
     let wheel_k2 = matrix.wheels(wheel_2, k2);
 
     // y1 = y0 + h (gamma k1 + (1 - gamma) k2); its mean is y0 + gamma h (k1 + (1 - gamma) k2).
@@ -178,21 +191,38 @@ pub(super) fn error<const SIDE: bool>(
     let defect = |now: f64x4, then: f64x4, grip: f64x4, linear: f64x4| {
         (c.friction * (now * load_n - then * before) - grip * moved) - linear
     };
-    let linear_l = if SIDE { s_ll * along + s_lt * across } else { s_ll * along };
+    let linear_l = if SIDE {
+        s_ll * along + s_lt * across
+    } else {
+        s_ll * along
+    };
     let force_l = defect(shape.along, start.shape.along, matrix.grip[0], linear_l);
     let force_t = if SIDE {
-        defect(shape.across, start.shape.across, matrix.grip[1], s_lt * along + s_tt * across)
+        defect(
+            shape.across,
+            start.shape.across,
+            matrix.grip[1],
+            s_lt * along + s_tt * across,
+        )
     } else {
         f64x4::ZERO
     };
     let torque = (drive.torque_n_m - start.drive.torque_n_m) + matrix.torque_slope * change.wheel;
     let wheel = torque - c.radius_m * force_l;
     let part = |j: usize| {
-        let along = c.along[j] * force_l + matrix.push[j] * wheel;
-        sum(if SIDE { along + c.across[j] * force_t } else { along })
+        let along = c.lines.along[j] * force_l + matrix.push[j] * wheel;
+        sum(if SIDE {
+            along + c.lines.across[j] * force_t
+        } else {
+            along
+        })
     };
     let spin = c.mass_kg * change.twist[2];
-    let body = matrix.body([part(0) + spin * change.twist[1], part(1) - spin * change.twist[0], part(2)]);
+    let body = matrix.body([
+        part(0) + spin * change.twist[1],
+        part(1) - spin * change.twist[0],
+        part(2),
+    ]);
     let weight_s = weight * period_s;
     let missing = Speeds {
         twist: each(|j| weight_s * body[j]),
@@ -215,6 +245,9 @@ pub(super) fn corrected(after: &Advance, missing: &Speeds, period_s: f64) -> Adv
     Advance {
         end: plus(&after.end, 1.0),
         mean: plus(&after.mean, 0.25),
-        accel: [after.accel[0] + per_s * missing.twist[0], after.accel[1] + per_s * missing.twist[1]],
+        accel: [
+            after.accel[0] + per_s * missing.twist[0],
+            after.accel[1] + per_s * missing.twist[1],
+        ],
     }
 }
