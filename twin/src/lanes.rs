@@ -62,13 +62,26 @@ impl Real for f64x4 {
     fn abs(self) -> f64x4 {
         f64x4::abs(self)
     }
+    // Engines differ in which of two zeros, or of a number and NaN, their minimum is.
     #[inline(always)]
     fn lesser(self, other: f64x4) -> f64x4 {
-        f64x4::fast_min(self, other)
+        if cfg!(target_feature = "sse2") {
+            f64x4::fast_min(self, other)
+        } else if cfg!(target_feature = "simd128") {
+            f64x4::fast_min(other, self)
+        } else {
+            self.simd_lt(other).select(self, other)
+        }
     }
     #[inline(always)]
     fn greater(self, other: f64x4) -> f64x4 {
-        f64x4::fast_max(self, other)
+        if cfg!(target_feature = "sse2") {
+            f64x4::fast_max(self, other)
+        } else if cfg!(target_feature = "simd128") {
+            f64x4::fast_max(other, self)
+        } else {
+            self.simd_gt(other).select(self, other)
+        }
     }
     #[inline(always)]
     fn signed_like(self, sign: f64x4) -> f64x4 {
@@ -115,4 +128,27 @@ pub(crate) fn most(wheels: f64x4) -> f64 {
 #[inline(always)]
 pub(crate) fn one_below(value: f64x4, limit: f64x4) -> f64x4 {
     value.simd_lt(limit) & f64x4::splat(1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Zeros of both signs and NaN included, where minima differ between engines.
+    #[test]
+    fn four_at_once_have_the_bits_of_one_at_a_time() {
+        let values = [0.0, -0.0, 1.5, -2.5, 1e-310, f64::INFINITY, f64::NEG_INFINITY, f64::NAN];
+        let bits = |four: f64x4| four.to_array().map(f64::to_bits);
+        for a in values {
+            for b in values {
+                let (x, y) = (f64x4::splat(a), f64x4::splat(b));
+                assert_eq!(bits(x.lesser(y)), [a.lesser(b).to_bits(); 4], "{a} {b}");
+                assert_eq!(bits(x.greater(y)), [a.greater(b).to_bits(); 4], "{a} {b}");
+                assert_eq!(bits(x.signed_like(y)), [a.signed_like(b).to_bits(); 4], "{a} {b}");
+                let one = if a < b { 1.0_f64 } else { 0.0 };
+                assert_eq!(bits(one_below(x, y)), [one.to_bits(); 4], "{a} {b}");
+            }
+            assert_eq!(bits(Real::abs(f64x4::splat(a))), [Real::abs(a).to_bits(); 4]);
+        }
+    }
 }
