@@ -1,0 +1,224 @@
+//! `consensus`: the robots agree on a place, or on one coordinate of it.
+//!
+//! v_i = k sum_j a_ij (x_j - x_i)                        [Olfati-Saber, Fax and Murray 2007, eq. 1]
+//!
+//! On a connected graph the values go to their mean, and the disagreement decays at least as exp(-k lambda_2 t) with
+//! lambda_2 the second eigenvalue of the graph's Laplacian. With a leader, which listens to nobody, they go to its value.
+//! Bodies cannot be in one place: a difference is shortened by the distance at which two robots count as together, and
+//! nobody pushes into a robot that is that close.
+
+use super::driver::{Driver, Request};
+use super::graph::Graph;
+use super::parameters::{GRAPH, SPEED, YAW_GAIN};
+use super::targets::{Owner, TargetRule, YawUse};
+use super::{CONSENSUS, Demand, Law, LawSpec, Observation, ParameterSpec, Parameters};
+use crate::scenario::{FieldProblem, Scenario};
+use crate::vector::{Vector, add, clip, dot, length, scale, sub};
+
+const VALUES: &[&str] = &["place", "x", "y"];
+
+pub(super) const SPEC: LawSpec = LawSpec {
+    name: CONSENSUS,
+    title: "Consensus: the robots agree on a place or a coordinate, on its mean or on the leader's",
+    source: "Olfati-Saber, Fax and Murray 2007, eq. 1",
+    targets: TargetRule {
+        owner: Owner::Robot,
+        least: 0,
+        most_each: 1,
+        yaw: YawUse::Unused,
+        apart: true,
+        meaning: "Only the leader may have one: it drives there. Without a leader there are none.",
+    },
+    parameters: &[
+        ParameterSpec::choice("value", VALUES, "What is agreed on."),
+        GRAPH,
+        ParameterSpec::quantity(
+            "leader",
+            "",
+            [0.0, 0.0, 50.0],
+            "Number of the leader in the order of the robots, from 1; 0 for the mean of all.",
+        ),
+        ParameterSpec::quantity(
+            "consensus_gain_per_s",
+            "1/s",
+            [0.05, 0.4, 3.0],
+            "k: speed for each metre of difference to each neighbour.",
+        ),
+        SPEED,
+        ParameterSpec::quantity(
+            "gap_m",
+            "m",
+            [0.0, 0.15, 2.0],
+            "Two robots count as together when the gap between their bounding circles is this small (value place).",
+        ),
+        ParameterSpec::quantity(
+            "reach_radius_m",
+            "m",
+            [0.005, 0.05, 0.5],
+            "A robot is finished when the sum of its differences is this small.",
+        ),
+        YAW_GAIN,
+    ],
+};
+
+#[derive(Debug)]
+pub struct Consensus {
+    graph: Graph,
+    drivers: Vec<Driver>,
+}
+
+impl Consensus {
+    pub fn new(scenario: &Scenario) -> Consensus {
+        let parameters = Parameters::of(&scenario.experiment.control);
+        Consensus {
+            graph: Graph::of(parameters.choice("graph")),
+            drivers: vec![Driver::default(); scenario.experiment.robots.len()],
+        }
+    }
+
+    /// Sum of the differences that robot `i` sees, and whether another body stops what is left of it.
+    fn pull(&self, i: usize, observation: &Observation<'_>) -> Vector {
+        let n = observation.robots.len();
+        let value = observation.parameters.choice("value");
+        let mut sum = [0.0, 0.0];
+        for j in (0..n).filter(|j| self.graph.links(i, *j, n)) {
+            let Some(line) = line(i, j, observation) else { continue };
+            let part = match value {
+                1 => [line[0], 0.0],
+                2 => [0.0, line[1]],
+                _ => {
+                    let (far_m, together_m) = (length(line), together_m(i, j, observation));
+                    scale(
+                        line,
+                        if far_m > together_m {
+                            1.0 - together_m / far_m
+                        } else {
+                            0.0
+                        },
+                    )
+                }
+            };
+            sum = add(sum, part);
+        }
+        sum
+    }
+}
+
+/// From robot `i` to robot `j`.
+fn line(i: usize, j: usize, observation: &Observation<'_>) -> Option<Vector> {
+    let (own, other) = (&observation.robots[i].pose, &observation.robots[j].pose);
+    (own.is_finite() && other.is_finite()).then(|| sub([other.x_m, other.y_m], [own.x_m, own.y_m]))
+}
+
+/// Distance of the centres at which two robots count as together.
+fn together_m(i: usize, j: usize, observation: &Observation<'_>) -> f64 {
+    let radii_m = observation.bodies[i].bounding_radius_m + observation.bodies[j].bounding_radius_m;
+    radii_m + observation.parameters.get("gap_m")
+}
+
+/// `pull` without the part that would push into robots that are already together with `i`.
+fn unblocked(mut pull: Vector, i: usize, observation: &Observation<'_>) -> Vector {
+    for _ in 0..2 {
+        for j in (0..observation.robots.len()).filter(|j| *j != i) {
+            let Some(line) = line(i, j, observation) else { continue };
+            let far_m = length(line);
+            let into = dot(pull, line);
+            if far_m <= together_m(i, j, observation) && far_m > 0.0 && into > 0.0 {
+                pull = sub(pull, scale(line, into / (far_m * far_m)));
+            }
+        }
+    }
+    pull
+}
+
+impl Law for Consensus {
+    fn name(&self) -> &'static str {
+        CONSENSUS
+    }
+
+    fn step(&mut self, observation: &Observation<'_>, demands: &mut [Demand]) {
+        let parameters = observation.parameters;
+        let leader = parameters.get("leader") as usize;
+        let robots = observation.robots.len().min(observation.bodies.len());
+        for i in 0..robots.min(demands.len()).min(self.drivers.len()) {
+            let pose = &observation.robots[i].pose;
+            if !pose.is_finite() {
+                continue;
+            }
+            let here = [pose.x_m, pose.y_m];
+            let goal = observation.targets.get(i).and_then(|goals| goals.first());
+            let way = match (leader == i + 1, goal) {
+                (true, Some(goal)) => sub(goal.place_m, here),
+                (true, None) => [0.0, 0.0],
+                (false, _) => {
+                    let pull = self.pull(i, observation);
+                    if parameters.choice("value") == 0 {
+                        unblocked(pull, i, observation)
+                    } else {
+                        pull
+                    }
+                }
+            };
+            let reach_m = parameters.get("reach_radius_m");
+            let finished = length(way) <= reach_m;
+            let velocity = clip(
+                scale(way, parameters.get("consensus_gain_per_s")),
+                parameters.get("speed_m_per_s"),
+            );
+            let rests = finished && observation.bodies[i].drive != super::Drive::Holonomic;
+            let request = Request {
+                velocity: if rests { [0.0, 0.0] } else { velocity },
+                way,
+                yaw_rad: None,
+            };
+            let drive = observation.bodies[i].drive;
+            demands[i] = Demand {
+                twist: self.drivers[i].twist(
+                    drive,
+                    &observation.robots[i],
+                    &request,
+                    parameters.get("yaw_gain_per_s"),
+                ),
+                target: add(here, clip(way, 1.0)),
+                segment: None,
+                finished,
+            };
+        }
+    }
+}
+
+pub(super) fn check(scenario: &Scenario) -> Vec<FieldProblem> {
+    let robots = &scenario.experiment.robots;
+    let parameters = Parameters::of(&scenario.experiment.control);
+    let leader = parameters.get("leader");
+    let mut problems = Vec::new();
+    if robots.len() < 2 {
+        problems.push(FieldProblem {
+            field: "robots".into(),
+            message: "one robot has nobody to agree with".into(),
+            limit: "at least 2 robots".into(),
+            remedy: "add a robot, or use the law go_to_point".into(),
+        });
+    }
+    if leader.fract() != 0.0 || leader > robots.len() as f64 {
+        problems.push(FieldProblem {
+            field: "control.parameters.leader".into(),
+            message: format!("there is no robot number {leader}"),
+            limit: format!("whole numbers from 0 (no leader) to {}", robots.len()),
+            remedy: "give the number of a robot of the experiment, from 1".into(),
+        });
+    }
+    for (t, target) in scenario.experiment.targets.iter().enumerate() {
+        let of = |name: &String| robots.iter().position(|robot| robot.name == *name);
+        let owner = target.robot.as_ref().and_then(of).unwrap_or(0);
+        if leader != owner as f64 + 1.0 {
+            problems.push(FieldProblem {
+                field: format!("targets[{t}].robot"),
+                message: format!("{} is not the leader and takes no target", robots[owner].name),
+                limit: "a target of the leader only".into(),
+                remedy: "leave the target out, or choose its robot as leader".into(),
+            });
+        }
+    }
+    problems
+}

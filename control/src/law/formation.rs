@@ -1,0 +1,330 @@
+//! `formation`: the robots make a shape without a leader; where it stands follows from where they started.
+//!
+//! v_i = k sum_j a_ij ((x_j - d_j) - (x_i - d_i))        [Ren, Beard and Atkins 2007, consensus on x_i - d_i]
+//!
+//! with d_i the place of robot i in the shape, so the mean of the team stays where it is and the error decays like that
+//! of consensus. When the shape may turn, d_i is turned by the angle that makes the squared error least,
+//! tan a = sum d x (x - c) / sum d . (x - c)              [Kabsch 1976, in the plane]
+//!
+//! Robots take the places of a line, circle or wedge by the optimal assignment at the start.
+
+use super::assignment::Assigner;
+use super::driver::{Driver, Request};
+use super::graph::Graph;
+use super::parameters::{GRAPH, KEEP_RIGHT, REACH_RADIUS, SPEED, YAW_GAIN};
+use super::targets::{Owner, TargetRule, YawUse};
+use super::{Demand, Drive, FORMATION, Law, LawSpec, Observation, ParameterSpec, Parameters, circulation};
+use crate::scenario::{FieldProblem, MIN_START_GAP_M, Scenario};
+use crate::vector::{Vector, add, clip, dot, heading, length, scale, sub, world_from_body};
+
+const SHAPES: &[&str] = &["line", "circle", "wedge", "given"];
+const GIVEN: usize = 3;
+
+pub(super) const SPEC: LawSpec = LawSpec {
+    name: FORMATION,
+    title: "Formation: the robots make a shape without a leader",
+    source: "Ren, Beard and Atkins 2007 (consensus on offsets); Kabsch 1976 for the turn of the shape",
+    targets: TargetRule {
+        owner: Owner::Robot,
+        least: 0,
+        most_each: 1,
+        yaw: YawUse::Unused,
+        apart: true,
+        meaning: "With the shape given: one for each robot, its place in the shape; only the differences between them matter. Otherwise none.",
+    },
+    parameters: &[
+        ParameterSpec::choice("shape", SHAPES, "The shape; given takes the targets."),
+        ParameterSpec::quantity(
+            "spacing_m",
+            "m",
+            [0.1, 0.75, 3.0],
+            "Distance between neighbours in a line, circle or wedge.",
+        ),
+        ParameterSpec::quantity(
+            "turn_rad",
+            "rad",
+            [-3.2, 0.0, 3.2],
+            "Turn of the shape: a line lies along x, a wedge points along x.",
+        ),
+        ParameterSpec::choice(
+            "rotation",
+            &["fixed", "free"],
+            "Free lets the shape turn to where the robots are nearest to it.",
+        ),
+        GRAPH,
+        ParameterSpec::quantity(
+            "formation_gain_per_s",
+            "1/s",
+            [0.05, 0.5, 3.0],
+            "k: speed for each metre of difference to each neighbour.",
+        ),
+        SPEED,
+        KEEP_RIGHT,
+        YAW_GAIN,
+        REACH_RADIUS,
+    ],
+};
+
+/// Half the opening angle of a wedge.
+const WEDGE_RAD: f64 = core::f64::consts::FRAC_PI_4;
+
+#[derive(Debug)]
+pub struct Formation {
+    graph: Graph,
+    /// Place of each robot in the shape, about the mean of all.
+    offsets_m: Vec<Vector>,
+    /// The same, turned as the robots are now.
+    turned_m: Vec<Vector>,
+    drivers: Vec<Driver>,
+}
+
+impl Formation {
+    pub fn new(scenario: &Scenario) -> Formation {
+        let parameters = Parameters::of(&scenario.experiment.control);
+        let offsets_m = offsets(scenario, &parameters);
+        Formation {
+            graph: Graph::of(parameters.choice("graph")),
+            turned_m: offsets_m.clone(),
+            drivers: vec![Driver::default(); offsets_m.len()],
+            offsets_m,
+        }
+    }
+
+    fn turn(&mut self, observation: &Observation<'_>) {
+        if observation.parameters.choice("rotation") == 0 {
+            return;
+        }
+        let seen = |i: usize| {
+            let robot = observation.robots.get(i).filter(|robot| robot.pose.is_finite())?;
+            Some([robot.pose.x_m, robot.pose.y_m])
+        };
+        let (mut middle, mut place, mut count) = ([0.0, 0.0], [0.0, 0.0], 0.0);
+        for (i, offset) in self.offsets_m.iter().enumerate() {
+            if let Some(here) = seen(i) {
+                middle = add(middle, here);
+                place = add(place, *offset);
+                count += 1.0;
+            }
+        }
+        if count < 2.0 {
+            return;
+        }
+        let (middle, place) = (scale(middle, 1.0 / count), scale(place, 1.0 / count));
+        let (mut along, mut across) = (0.0, 0.0);
+        for (i, offset) in self.offsets_m.iter().enumerate() {
+            if let Some(here) = seen(i) {
+                let (d, x) = (sub(*offset, place), sub(here, middle));
+                along += dot(d, x);
+                across += d[0] * x[1] - d[1] * x[0];
+            }
+        }
+        let turn_rad = libm::atan2(across, along);
+        for (turned, offset) in self.turned_m.iter_mut().zip(&self.offsets_m) {
+            *turned = world_from_body(*offset, turn_rad);
+        }
+    }
+}
+
+/// Places of a shape about their mean, in the order of the robots.
+fn offsets(scenario: &Scenario, parameters: &Parameters) -> Vec<Vector> {
+    let n = scenario.experiment.robots.len();
+    let shape = parameters.choice("shape");
+    let turn_rad = parameters.get("turn_rad");
+    let mut places: Vec<Vector> = if shape == GIVEN {
+        let given = |i: usize| scenario.targets_of(i).next().map_or([0.0, 0.0], |t| [t.x_m, t.y_m]);
+        (0..n).map(given).collect()
+    } else {
+        (0..n)
+            .map(|k| place(shape, k, n, parameters.get("spacing_m")))
+            .collect()
+    };
+    let centre = mean(&places);
+    for place in &mut places {
+        *place = world_from_body(sub(*place, centre), turn_rad);
+    }
+    if shape == GIVEN {
+        return places;
+    }
+    let starts: Vec<Vector> = starts(scenario);
+    let middle = mean(&starts);
+    let mut place_of = vec![0; n];
+    let cost = |i: usize, k: usize| {
+        let way = sub(places[k], sub(starts[i], middle));
+        dot(way, way)
+    };
+    Assigner::new(n).solve(cost, &mut place_of);
+    place_of.into_iter().map(|k| places[k]).collect()
+}
+
+fn starts(scenario: &Scenario) -> Vec<Vector> {
+    let robots = &scenario.experiment.robots;
+    robots.iter().map(|robot| [robot.start.x_m, robot.start.y_m]).collect()
+}
+
+fn mean(places: &[Vector]) -> Vector {
+    let sum = places.iter().fold([0.0, 0.0], |sum, place| add(sum, *place));
+    scale(sum, 1.0 / places.len().max(1) as f64)
+}
+
+/// Place `k` of `n` in a shape.
+fn place(shape: usize, k: usize, n: usize, spacing_m: f64) -> Vector {
+    match shape {
+        1 if n > 1 => {
+            let half_rad = core::f64::consts::PI / n as f64;
+            let radius_m = 0.5 * spacing_m / libm::sin(half_rad);
+            scale(heading(2.0 * half_rad * k as f64), radius_m)
+        }
+        2 => {
+            let row = k.div_ceil(2) as f64 * spacing_m;
+            let side = if k % 2 == 1 { 1.0 } else { -1.0 };
+            let [c, s] = heading(WEDGE_RAD);
+            [-row * c, side * row * s]
+        }
+        _ => [k as f64 * spacing_m, 0.0],
+    }
+}
+
+impl Law for Formation {
+    fn name(&self) -> &'static str {
+        FORMATION
+    }
+
+    fn step(&mut self, observation: &Observation<'_>, demands: &mut [Demand]) {
+        self.turn(observation);
+        let parameters = observation.parameters;
+        let n = observation.robots.len().min(observation.bodies.len());
+        for i in 0..n.min(demands.len()).min(self.drivers.len()) {
+            let robot = &observation.robots[i];
+            if !robot.pose.is_finite() {
+                continue;
+            }
+            let here = [robot.pose.x_m, robot.pose.y_m];
+            let (mut sum, mut all, mut count) = ([0.0, 0.0], [0.0, 0.0], 1.0);
+            for (j, other) in observation.robots.iter().enumerate() {
+                if j == i || !other.pose.is_finite() || j >= self.turned_m.len() {
+                    continue;
+                }
+                let wanted = sub(self.turned_m[i], self.turned_m[j]);
+                let way = sub(add([other.pose.x_m, other.pose.y_m], wanted), here);
+                all = add(all, way);
+                count += 1.0;
+                if self.graph.links(i, j, n) {
+                    sum = add(sum, way);
+                }
+            }
+            // To the place in the shape about the mean of the team.
+            let way = scale(all, 1.0 / count);
+            let finished = length(way) <= parameters.get("reach_radius_m");
+            let straight = clip(
+                scale(sum, parameters.get("formation_gain_per_s")),
+                parameters.get("speed_m_per_s"),
+            );
+            let keep_right = parameters.get("keep_right");
+            let place = add(here, way);
+            let velocity = circulation::keep_right(straight, i, place, keep_right, observation);
+            let drive = observation.bodies[i].drive;
+            let rests = finished && drive != Drive::Holonomic;
+            let request = Request {
+                velocity: if rests { [0.0, 0.0] } else { velocity },
+                way,
+                yaw_rad: None,
+            };
+            demands[i] = Demand {
+                twist: self.drivers[i].twist(drive, robot, &request, parameters.get("yaw_gain_per_s")),
+                target: place,
+                segment: None,
+                finished,
+            };
+        }
+    }
+}
+
+pub(super) fn check(scenario: &Scenario) -> Vec<FieldProblem> {
+    let experiment = &scenario.experiment;
+    let parameters = Parameters::of(&experiment.control);
+    let n = experiment.robots.len();
+    let mut problems = Vec::new();
+    let problem = |field: &str, message: String, limit: String, remedy: &str| FieldProblem {
+        field: field.into(),
+        message,
+        limit,
+        remedy: remedy.into(),
+    };
+    if n < 2 {
+        let message = "one robot makes no shape".to_owned();
+        problems.push(problem(
+            "robots",
+            message,
+            "at least 2 robots".into(),
+            "add a robot, or use the law go_to_point",
+        ));
+        return problems;
+    }
+    if parameters.choice("shape") == GIVEN && experiment.targets.len() != n {
+        let message = format!("{} places for {n} robots", experiment.targets.len());
+        let limit = format!("one target for each of the {n} robots");
+        problems.push(problem(
+            "targets",
+            message,
+            limit,
+            "give the place of every robot in the shape",
+        ));
+        return problems;
+    }
+    if parameters.choice("shape") != GIVEN && !experiment.targets.is_empty() {
+        let message = format!("the shape {} takes no targets", SHAPES[parameters.choice("shape")]);
+        let limit = format!("no targets, or shape {GIVEN} (given)");
+        problems.push(problem(
+            "targets",
+            message,
+            limit,
+            "leave the targets out or choose the shape given",
+        ));
+        return problems;
+    }
+    let places = offsets(scenario, &parameters);
+    let middle = mean(&starts(scenario));
+    for i in 0..n {
+        let radius_m = scenario.robots[i].bounding_radius_m;
+        for j in 0..i {
+            let least_m = radius_m + scenario.robots[j].bounding_radius_m + MIN_START_GAP_M;
+            let apart_m = length(sub(places[i], places[j]));
+            // Given places are compared with the other targets already.
+            if parameters.choice("shape") != GIVEN && apart_m < least_m {
+                let message = format!("neighbours would stand {apart_m:.3} m apart");
+                let limit = format!("at least {least_m:.3} m between their centres");
+                problems.push(problem(
+                    "control.parameters.spacing_m",
+                    message,
+                    limit,
+                    "choose a larger spacing",
+                ));
+                return problems;
+            }
+        }
+        let room_m = [
+            0.5 * scenario.arena.width_m - radius_m,
+            0.5 * scenario.arena.height_m - radius_m,
+        ];
+        let place = add(middle, places[i]);
+        if parameters.choice("rotation") == 0 && (place[0].abs() > room_m[0] || place[1].abs() > room_m[1]) {
+            let message = format!(
+                "the shape about the mean of the starts puts {} at ({:.2}, {:.2}) m, in the wall",
+                experiment.robots[i].name, place[0], place[1]
+            );
+            let limit = format!("x up to {:.2} m, y up to {:.2} m from the middle", room_m[0], room_m[1]);
+            let field = if parameters.choice("shape") == GIVEN {
+                "targets"
+            } else {
+                "control.parameters.spacing_m"
+            };
+            problems.push(problem(
+                field,
+                message,
+                limit,
+                "make the shape smaller, turn it, or move the starts",
+            ));
+        }
+    }
+    problems
+}
