@@ -65,6 +65,8 @@ pub(super) const SPEC: LawSpec = LawSpec {
 pub struct Consensus {
     graph: Graph,
     drivers: Vec<Driver>,
+    /// Sum of the differences of each robot; the leader's way to its target.
+    ways_m: Vec<Vector>,
 }
 
 impl Consensus {
@@ -73,10 +75,28 @@ impl Consensus {
         Consensus {
             graph: Graph::of(parameters.choice("graph")),
             drivers: vec![Driver::default(); scenario.experiment.robots.len()],
+            ways_m: vec![[0.0, 0.0]; scenario.experiment.robots.len()],
         }
     }
 
-    /// Sum of the differences that robot `i` sees, and whether another body stops what is left of it.
+    fn way(&self, i: usize, leader: usize, observation: &Observation<'_>) -> Vector {
+        let pose = &observation.robots[i].pose;
+        if !pose.is_finite() {
+            return [0.0, 0.0];
+        }
+        if leader == i + 1 {
+            let goal = observation.targets.get(i).and_then(|goals| goals.first());
+            return goal.map_or([0.0, 0.0], |goal| sub(goal.place_m, [pose.x_m, pose.y_m]));
+        }
+        let pull = self.pull(i, observation);
+        if observation.parameters.choice("value") == 0 {
+            unblocked(pull, i, observation)
+        } else {
+            pull
+        }
+    }
+
+    /// Sum of the differences that robot `i` sees.
     fn pull(&self, i: usize, observation: &Observation<'_>) -> Vector {
         let n = observation.robots.len();
         let value = observation.parameters.choice("value");
@@ -140,46 +160,35 @@ impl Law for Consensus {
         let parameters = observation.parameters;
         let leader = parameters.get("leader") as usize;
         let robots = observation.robots.len().min(observation.bodies.len());
-        for i in 0..robots.min(demands.len()).min(self.drivers.len()) {
-            let pose = &observation.robots[i].pose;
-            if !pose.is_finite() {
+        let count = robots.min(demands.len()).min(self.drivers.len());
+        let mut largest_m = 0.0_f64;
+        for i in 0..count {
+            self.ways_m[i] = self.way(i, leader, observation);
+            if leader != i + 1 {
+                largest_m = largest_m.max(length(self.ways_m[i]));
+            }
+        }
+        // One factor for all, so that the mean of the team stays where it is.
+        let speed = parameters.get("speed_m_per_s");
+        let gain_per_s = parameters.get("consensus_gain_per_s").min(speed / largest_m.max(1e-9));
+        for i in 0..count {
+            let robot = &observation.robots[i];
+            if !robot.pose.is_finite() {
                 continue;
             }
-            let here = [pose.x_m, pose.y_m];
-            let goal = observation.targets.get(i).and_then(|goals| goals.first());
-            let way = match (leader == i + 1, goal) {
-                (true, Some(goal)) => sub(goal.place_m, here),
-                (true, None) => [0.0, 0.0],
-                (false, _) => {
-                    let pull = self.pull(i, observation);
-                    if parameters.choice("value") == 0 {
-                        unblocked(pull, i, observation)
-                    } else {
-                        pull
-                    }
-                }
-            };
-            let reach_m = parameters.get("reach_radius_m");
-            let finished = length(way) <= reach_m;
-            let velocity = clip(
-                scale(way, parameters.get("consensus_gain_per_s")),
-                parameters.get("speed_m_per_s"),
-            );
-            let rests = finished && observation.bodies[i].drive != super::Drive::Holonomic;
+            let way = self.ways_m[i];
+            let finished = length(way) <= parameters.get("reach_radius_m");
+            let velocity = clip(scale(way, gain_per_s), speed);
+            let drive = observation.bodies[i].drive;
+            let rests = finished && drive != super::Drive::Holonomic;
             let request = Request {
                 velocity: if rests { [0.0, 0.0] } else { velocity },
                 way,
                 yaw_rad: None,
             };
-            let drive = observation.bodies[i].drive;
             demands[i] = Demand {
-                twist: self.drivers[i].twist(
-                    drive,
-                    &observation.robots[i],
-                    &request,
-                    parameters.get("yaw_gain_per_s"),
-                ),
-                target: add(here, clip(way, 1.0)),
+                twist: self.drivers[i].twist(drive, robot, &request, parameters.get("yaw_gain_per_s")),
+                target: add([robot.pose.x_m, robot.pose.y_m], clip(way, 1.0)),
                 segment: None,
                 finished,
             };

@@ -5,7 +5,7 @@
 
 use twin::twist::BodyTwist;
 
-use super::motion::{Wish, YAW_RATE_LIMIT_RAD_PER_S, pointing_share, twist_for};
+use super::motion::{Wish, YAW_RATE_LIMIT_RAD_PER_S, twist_for};
 use super::{Drive, RobotObservation};
 use crate::vector::{Vector, dot, heading, length, wrap};
 
@@ -13,6 +13,9 @@ use crate::vector::{Vector, dot, heading, length, wrap};
 const REST_M_PER_S: f64 = 0.006;
 /// So close a robot that turns in place would rather drive back than turn round.
 const BACK_M: f64 = 0.15;
+/// A robot that turns in place drives at full speed up to this angle, and not at all beyond the other.
+const FULL_SPEED_RAD: f64 = 0.35;
+const NO_SPEED_RAD: f64 = 1.0;
 /// A car-like robot changes from forwards to backwards, or back, beyond this angle.
 const GEAR_LIMIT_RAD: f64 = 1.95;
 /// Backing off ends when the robot points this well.
@@ -153,10 +156,15 @@ fn turning(robot: &RobotObservation, request: &Request, yaw_gain_per_s: f64) -> 
         error_rad = wrap(error_rad - core::f64::consts::PI);
     }
     BodyTwist {
-        forward_m_per_s: dot(request.velocity, heading(yaw_rad)) * pointing_share(error_rad),
+        forward_m_per_s: dot(request.velocity, heading(yaw_rad)) * share(error_rad),
         left_m_per_s: 0.0,
         yaw_rate_rad_per_s: turn(error_rad),
     }
+}
+
+/// Share of the speed while a robot that turns in place still points elsewhere.
+fn share(error_rad: f64) -> f64 {
+    ((NO_SPEED_RAD - error_rad.abs()) / (NO_SPEED_RAD - FULL_SPEED_RAD)).clamp(0.0, 1.0)
 }
 
 /// Whether a robot is at its place: it must come closer than the radius, and has left when it is twice as far.

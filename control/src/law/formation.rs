@@ -15,7 +15,7 @@ use super::parameters::{GRAPH, KEEP_RIGHT, REACH_RADIUS, SPEED, YAW_GAIN};
 use super::targets::{Owner, TargetRule, YawUse};
 use super::{Demand, Drive, FORMATION, Law, LawSpec, Observation, ParameterSpec, Parameters, circulation};
 use crate::scenario::{FieldProblem, MIN_START_GAP_M, Scenario};
-use crate::vector::{Vector, add, clip, dot, heading, length, scale, sub, world_from_body};
+use crate::vector::{Vector, add, dot, heading, length, scale, sub, world_from_body};
 
 const SHAPES: &[&str] = &["line", "circle", "wedge", "given"];
 const GIVEN: usize = 3;
@@ -76,6 +76,10 @@ pub struct Formation {
     /// The same, turned as the robots are now.
     turned_m: Vec<Vector>,
     drivers: Vec<Driver>,
+    /// Sum of the differences that each robot sees.
+    pulls_m: Vec<Vector>,
+    /// From each robot to its place about the mean of the team.
+    ways_m: Vec<Vector>,
 }
 
 impl Formation {
@@ -86,8 +90,31 @@ impl Formation {
             graph: Graph::of(parameters.choice("graph")),
             turned_m: offsets_m.clone(),
             drivers: vec![Driver::default(); offsets_m.len()],
+            pulls_m: vec![[0.0, 0.0]; offsets_m.len()],
+            ways_m: vec![[0.0, 0.0]; offsets_m.len()],
             offsets_m,
         }
+    }
+
+    /// Sum of the differences that robot `i` sees, and the way to its place about the mean of the team.
+    fn pull(&self, i: usize, observation: &Observation<'_>) -> (Vector, Vector) {
+        let own = &observation.robots[i];
+        let (mut sum, mut all, mut count) = ([0.0, 0.0], [0.0, 0.0], 1.0);
+        let n = observation.robots.len();
+        for (j, other) in observation.robots.iter().enumerate().take(self.turned_m.len()) {
+            if j == i || !own.pose.is_finite() || !other.pose.is_finite() {
+                continue;
+            }
+            let wanted = sub(self.turned_m[i], self.turned_m[j]);
+            let line = sub([other.pose.x_m, other.pose.y_m], [own.pose.x_m, own.pose.y_m]);
+            let way = add(line, wanted);
+            all = add(all, way);
+            count += 1.0;
+            if self.graph.links(i, j, n) {
+                sum = add(sum, way);
+            }
+        }
+        (sum, scale(all, 1.0 / count))
     }
 
     fn turn(&mut self, observation: &Observation<'_>) {
@@ -192,35 +219,26 @@ impl Law for Formation {
     fn step(&mut self, observation: &Observation<'_>, demands: &mut [Demand]) {
         self.turn(observation);
         let parameters = observation.parameters;
-        let n = observation.robots.len().min(observation.bodies.len());
-        for i in 0..n.min(demands.len()).min(self.drivers.len()) {
+        let robots = observation.robots.len().min(observation.bodies.len());
+        let count = robots.min(demands.len()).min(self.drivers.len());
+        let mut largest_m = 0.0_f64;
+        for i in 0..count {
+            (self.pulls_m[i], self.ways_m[i]) = self.pull(i, observation);
+            largest_m = largest_m.max(length(self.pulls_m[i]));
+        }
+        // One factor for all, so that the mean of the team stays where it is.
+        let gain_per_s = parameters.get("formation_gain_per_s");
+        let gain_per_s = gain_per_s.min(parameters.get("speed_m_per_s") / largest_m.max(1e-9));
+        for i in 0..count {
             let robot = &observation.robots[i];
             if !robot.pose.is_finite() {
                 continue;
             }
-            let here = [robot.pose.x_m, robot.pose.y_m];
-            let (mut sum, mut all, mut count) = ([0.0, 0.0], [0.0, 0.0], 1.0);
-            for (j, other) in observation.robots.iter().enumerate() {
-                if j == i || !other.pose.is_finite() || j >= self.turned_m.len() {
-                    continue;
-                }
-                let wanted = sub(self.turned_m[i], self.turned_m[j]);
-                let way = sub(add([other.pose.x_m, other.pose.y_m], wanted), here);
-                all = add(all, way);
-                count += 1.0;
-                if self.graph.links(i, j, n) {
-                    sum = add(sum, way);
-                }
-            }
-            // To the place in the shape about the mean of the team.
-            let way = scale(all, 1.0 / count);
+            let way = self.ways_m[i];
+            let place = add([robot.pose.x_m, robot.pose.y_m], way);
             let finished = length(way) <= parameters.get("reach_radius_m");
-            let straight = clip(
-                scale(sum, parameters.get("formation_gain_per_s")),
-                parameters.get("speed_m_per_s"),
-            );
+            let straight = scale(self.pulls_m[i], gain_per_s);
             let keep_right = parameters.get("keep_right");
-            let place = add(here, way);
             let velocity = circulation::keep_right(straight, i, place, keep_right, observation);
             let drive = observation.bodies[i].drive;
             let rests = finished && drive != Drive::Holonomic;
