@@ -96,20 +96,20 @@ fn path_following_stays_on_the_path_on_every_chassis() {
 #[test]
 fn trajectory_tracking_stays_close_on_every_chassis() {
     for chassis in CHASSIS {
-        let targets = json!([{"x_m": 0.0, "y_m": -0.9}, {"x_m": 1.1, "y_m": -0.2}, {"x_m": 0.3, "y_m": 0.8}, {"x_m": -0.9, "y_m": 0.7}]);
+        let targets = json!([{"x_m": 0.3, "y_m": -1.3}, {"x_m": 1.7, "y_m": -0.1}, {"x_m": 0.2, "y_m": 1.3}, {"x_m": -1.6, "y_m": 1.0}]);
         let document = team(
             "trajectory_tracking",
-            json!({"interval_s": 5.0}),
-            &[(chassis, [-1.2, -0.7, -0.3])],
+            json!({"interval_s": 6.0}),
+            &[(chassis, [-1.4, -1.0, -0.3])],
             targets,
             30.0,
-            [4.0, 3.0],
+            [5.0, 4.0],
         );
         let mut rehearsal = Rehearsal::new(&parsed(&document)).expect("rehearsal");
         let (mut squares, mut count) = (0.0, 0.0);
         while rehearsal.step() {
             let frame = rehearsal.frame();
-            if (2.0..=22.0).contains(&frame.time_s) {
+            if (2.0..=26.0).contains(&frame.time_s) {
                 let robot = &frame.robots[0];
                 let off_m = libm::hypot(robot.pose[0] - robot.target[0], robot.pose[1] - robot.target[1]);
                 squares += off_m * off_m;
@@ -186,7 +186,7 @@ fn every_law() -> Vec<(&'static str, Value, Value)> {
             .collect()
     };
     let of_team: Value = goals.iter().map(|[x, y]| json!({"x_m": x, "y_m": y})).collect();
-    let given = json!([{"robot": "r0", "x_m": 0.0, "y_m": 0.0}, {"robot": "r1", "x_m": 0.0, "y_m": 1.0}, {"robot": "r2", "x_m": 1.0, "y_m": 0.0}]);
+    let given = json!([{"robot": "r0", "x_m": 0.0, "y_m": 1.0}, {"robot": "r1", "x_m": -1.0, "y_m": 0.0}, {"robot": "r2", "x_m": 1.0, "y_m": 0.0}]);
     vec![
         ("waypoints", json!({}), of_robots(false)),
         ("go_to_point", json!({}), of_robots(false)),

@@ -4,14 +4,14 @@
 //!
 //! On a connected graph the values go to their mean, and the disagreement decays at least as exp(-k lambda_2 t) with
 //! lambda_2 the second eigenvalue of the graph's Laplacian. With a leader, which listens to nobody, they go to its value.
-//! Bodies cannot be in one place: a difference is shortened by the distance at which two robots count as together, and
-//! nobody pushes into a robot that is that close.
+//! Bodies cannot be in one place: a difference is shortened by the distance at which two robots count as together, nobody
+//! pushes into a robot that is that close, and the team has gathered when pairs that are together connect all of it.
 
 use super::driver::{Driver, Request};
 use super::graph::Graph;
-use super::parameters::{GRAPH, SPEED, YAW_GAIN};
+use super::parameters::{GRAPH, KEEP_RIGHT, SPEED, YAW_GAIN};
 use super::targets::{Owner, TargetRule, YawUse};
-use super::{CONSENSUS, Demand, Law, LawSpec, Observation, ParameterSpec, Parameters};
+use super::{CONSENSUS, Demand, Drive, Law, LawSpec, Observation, ParameterSpec, Parameters, circulation};
 use crate::scenario::{FieldProblem, Scenario};
 use crate::vector::{Vector, add, clip, dot, length, scale, sub};
 
@@ -57,9 +57,13 @@ pub(super) const SPEC: LawSpec = LawSpec {
             [0.005, 0.05, 0.5],
             "A robot is finished when the sum of its differences is this small.",
         ),
+        KEEP_RIGHT,
         YAW_GAIN,
     ],
 };
+
+/// A gap counts as closed this much above `gap_m`, and as opened again this much.
+const GAP_SLACK_M: [f64; 2] = [0.02, 0.08];
 
 #[derive(Debug)]
 pub struct Consensus {
@@ -67,6 +71,10 @@ pub struct Consensus {
     drivers: Vec<Driver>,
     /// Sum of the differences of each robot; the leader's way to its target.
     ways_m: Vec<Vector>,
+    gathered: bool,
+    /// Robots found from the first one by steps between robots that are together, in the order they were found.
+    found: Vec<usize>,
+    is_found: Vec<bool>,
 }
 
 impl Consensus {
@@ -76,7 +84,32 @@ impl Consensus {
             graph: Graph::of(parameters.choice("graph")),
             drivers: vec![Driver::default(); scenario.experiment.robots.len()],
             ways_m: vec![[0.0, 0.0]; scenario.experiment.robots.len()],
+            gathered: false,
+            found: Vec::with_capacity(scenario.experiment.robots.len()),
+            is_found: vec![false; scenario.experiment.robots.len()],
         }
+    }
+
+    /// Whether pairs that are together connect the whole team.
+    fn gathers(&mut self, observation: &Observation<'_>) -> bool {
+        let n = self.is_found.len().min(observation.robots.len());
+        let slack_m = GAP_SLACK_M[usize::from(self.gathered)];
+        self.is_found.fill(false);
+        self.found.clear();
+        self.found.push(0);
+        self.is_found[0] = true;
+        let mut next = 0;
+        while let Some(i) = self.found.get(next).copied() {
+            next += 1;
+            for j in 0..n {
+                let near = |line: Vector| length(line) <= together_m(i, j, observation) + slack_m;
+                if !self.is_found[j] && line(i, j, observation).is_some_and(near) {
+                    self.is_found[j] = true;
+                    self.found.push(j);
+                }
+            }
+        }
+        self.found.len() == n
     }
 
     fn way(&self, i: usize, leader: usize, observation: &Observation<'_>) -> Vector {
@@ -168,6 +201,11 @@ impl Law for Consensus {
                 largest_m = largest_m.max(length(self.ways_m[i]));
             }
         }
+        let place = parameters.choice("value") == 0;
+        let reach_m = parameters.get("reach_radius_m");
+        let leads = leader.checked_sub(1).and_then(|k| self.ways_m.get(k));
+        let led = leads.is_none_or(|way| length(*way) <= 2.0 * reach_m);
+        self.gathered = place && led && self.gathers(observation);
         // One factor for all, so that the mean of the team stays where it is.
         let speed = parameters.get("speed_m_per_s");
         let gain_per_s = parameters.get("consensus_gain_per_s").min(speed / largest_m.max(1e-9));
@@ -177,10 +215,16 @@ impl Law for Consensus {
                 continue;
             }
             let way = self.ways_m[i];
-            let finished = length(way) <= parameters.get("reach_radius_m");
-            let velocity = clip(scale(way, gain_per_s), speed);
+            let finished = self.gathered || length(way) <= reach_m;
+            let straight = clip(scale(way, gain_per_s), speed);
+            let goal = add([robot.pose.x_m, robot.pose.y_m], way);
+            let velocity = if place {
+                straight
+            } else {
+                circulation::keep_right(straight, i, goal, parameters.get("keep_right"), observation)
+            };
             let drive = observation.bodies[i].drive;
-            let rests = finished && drive != super::Drive::Holonomic;
+            let rests = self.gathered || (finished && drive != Drive::Holonomic);
             let request = Request {
                 velocity: if rests { [0.0, 0.0] } else { velocity },
                 way,

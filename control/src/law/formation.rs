@@ -9,7 +9,7 @@
 //! Robots take the places of a line, circle or wedge by the optimal assignment at the start.
 
 use super::assignment::Assigner;
-use super::driver::{Driver, Request};
+use super::driver::{Arrival, Driver, Request};
 use super::graph::Graph;
 use super::parameters::{GRAPH, KEEP_RIGHT, REACH_RADIUS, SPEED, YAW_GAIN};
 use super::targets::{Owner, TargetRule, YawUse};
@@ -76,6 +76,7 @@ pub struct Formation {
     /// The same, turned as the robots are now.
     turned_m: Vec<Vector>,
     drivers: Vec<Driver>,
+    arrivals: Vec<Arrival>,
     /// Sum of the differences that each robot sees.
     pulls_m: Vec<Vector>,
     /// From each robot to its place about the mean of the team.
@@ -90,6 +91,7 @@ impl Formation {
             graph: Graph::of(parameters.choice("graph")),
             turned_m: offsets_m.clone(),
             drivers: vec![Driver::default(); offsets_m.len()],
+            arrivals: vec![Arrival::default(); offsets_m.len()],
             pulls_m: vec![[0.0, 0.0]; offsets_m.len()],
             ways_m: vec![[0.0, 0.0]; offsets_m.len()],
             offsets_m,
@@ -236,7 +238,7 @@ impl Law for Formation {
             }
             let way = self.ways_m[i];
             let place = add([robot.pose.x_m, robot.pose.y_m], way);
-            let finished = length(way) <= parameters.get("reach_radius_m");
+            let finished = self.arrivals[i].update(length(way), parameters.get("reach_radius_m"));
             let straight = scale(self.pulls_m[i], gain_per_s);
             let keep_right = parameters.get("keep_right");
             let velocity = circulation::keep_right(straight, i, place, keep_right, observation);

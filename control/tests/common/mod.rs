@@ -5,7 +5,7 @@ use control::scenario::Scenario;
 use serde_json::{Value, json};
 
 const LAB: &str = include_str!("../../../examples/lab/reference.json");
-pub const EXPERIMENTS: [(&str, &str); 3] = [
+pub const EXPERIMENTS: [(&str, &str); 11] = [
     (
         "rectangle-omni4",
         include_str!("../../../examples/experiments/rectangle-omni4.json"),
@@ -17,6 +17,38 @@ pub const EXPERIMENTS: [(&str, &str); 3] = [
     (
         "swap-corners",
         include_str!("../../../examples/experiments/swap-corners.json"),
+    ),
+    (
+        "pose-parking",
+        include_str!("../../../examples/experiments/pose-parking.json"),
+    ),
+    (
+        "path-zigzag",
+        include_str!("../../../examples/experiments/path-zigzag.json"),
+    ),
+    (
+        "trajectory-loops",
+        include_str!("../../../examples/experiments/trajectory-loops.json"),
+    ),
+    (
+        "consensus-row",
+        include_str!("../../../examples/experiments/consensus-row.json"),
+    ),
+    (
+        "leader-column",
+        include_str!("../../../examples/experiments/leader-column.json"),
+    ),
+    (
+        "formation-circle",
+        include_str!("../../../examples/experiments/formation-circle.json"),
+    ),
+    (
+        "coverage-six",
+        include_str!("../../../examples/experiments/coverage-six.json"),
+    ),
+    (
+        "goals-shared",
+        include_str!("../../../examples/experiments/goals-shared.json"),
     ),
 ];
 
