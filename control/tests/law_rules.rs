@@ -53,7 +53,7 @@ fn wrong_counts_are_refused_by_field() {
             "control.parameters.spacing_m",
         ),
         (
-            fields("formation", json!({"spacing_m": 3.0}), "omni4", 5, none()),
+            fields("formation", json!({"spacing_m": 3.0}), "omni4", 4, none()),
             "control.parameters.spacing_m",
         ),
         (fields("formation", json!({}), "omni4", 1, none()), "robots"),
@@ -155,7 +155,10 @@ fn wrong_counts_are_refused_by_field() {
         ),
     ];
     for (k, (found, field)) in cases.iter().enumerate() {
-        assert_eq!(found, &[(*field).to_owned()], "case {k}");
+        assert!(
+            !found.is_empty() && found.iter().all(|named| named == field),
+            "case {k}: {found:?}"
+        );
     }
 }
 

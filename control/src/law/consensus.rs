@@ -4,14 +4,17 @@
 //!
 //! On a connected graph the values go to their mean, and the disagreement decays at least as exp(-k lambda_2 t) with
 //! lambda_2 the second eigenvalue of the graph's Laplacian. With a leader, which listens to nobody, they go to its value.
+//! A car-like robot agrees on a coordinate by a reference point that moves as above from where it started, and drives to
+//! it: others need not follow its detours.
 //! Bodies cannot be in one place: a difference is shortened by the distance at which two robots count as together, nobody
 //! pushes into a robot that is that close, and the team has gathered when pairs that are together connect all of it.
 
-use super::driver::{Driver, Request};
+use super::driver::{Arrival, Driver, Request};
 use super::graph::Graph;
 use super::parameters::{GRAPH, KEEP_RIGHT, SPEED, YAW_GAIN};
 use super::targets::{Owner, TargetRule, YawUse};
 use super::{CONSENSUS, Demand, Drive, Law, LawSpec, Observation, ParameterSpec, Parameters, circulation};
+use crate::TICK_S;
 use crate::scenario::{FieldProblem, Scenario};
 use crate::vector::{Vector, add, clip, dot, length, scale, sub};
 
@@ -62,6 +65,8 @@ pub(super) const SPEC: LawSpec = LawSpec {
     ],
 };
 
+/// Speed of a car-like robot for each metre to its reference point.
+const REFERENCE_GAIN_PER_S: f64 = 1.5;
 /// A gap counts as closed this much above `gap_m`, and as opened again this much.
 const GAP_SLACK_M: [f64; 2] = [0.02, 0.08];
 
@@ -71,6 +76,9 @@ pub struct Consensus {
     drivers: Vec<Driver>,
     /// Sum of the differences of each robot; the leader's way to its target.
     ways_m: Vec<Vector>,
+    arrivals: Vec<Arrival>,
+    /// Reference points of car-like robots that agree on a coordinate.
+    references_m: Vec<Option<Vector>>,
     gathered: bool,
     /// Robots found from the first one by steps between robots that are together, in the order they were found.
     found: Vec<usize>,
@@ -84,6 +92,8 @@ impl Consensus {
             graph: Graph::of(parameters.choice("graph")),
             drivers: vec![Driver::default(); scenario.experiment.robots.len()],
             ways_m: vec![[0.0, 0.0]; scenario.experiment.robots.len()],
+            arrivals: vec![Arrival::default(); scenario.experiment.robots.len()],
+            references_m: vec![None; scenario.experiment.robots.len()],
             gathered: false,
             found: Vec::with_capacity(scenario.experiment.robots.len()),
             is_found: vec![false; scenario.experiment.robots.len()],
@@ -112,6 +122,22 @@ impl Consensus {
         self.found.len() == n
     }
 
+    /// Way and velocity of robot `i`; moves its reference point if it has one.
+    fn onward(&mut self, i: usize, here: Vector, gain_per_s: f64, parameters: &Parameters) -> (Vector, Vector) {
+        let (way, speed) = (self.ways_m[i], parameters.get("speed_m_per_s"));
+        let Some(reference) = &mut self.references_m[i] else {
+            return (way, clip(scale(way, gain_per_s), speed));
+        };
+        *reference = add(*reference, scale(way, gain_per_s * TICK_S));
+        let to_reference = sub(*reference, here);
+        (to_reference, clip(scale(to_reference, REFERENCE_GAIN_PER_S), speed))
+    }
+
+    /// Distance of robot `i` from its reference point.
+    fn lag_m(&self, i: usize, here: Vector) -> f64 {
+        self.references_m[i].map_or(0.0, |at| length(sub(at, here)))
+    }
+
     fn way(&self, i: usize, leader: usize, observation: &Observation<'_>) -> Vector {
         let pose = &observation.robots[i].pose;
         if !pose.is_finite() {
@@ -135,7 +161,17 @@ impl Consensus {
         let value = observation.parameters.choice("value");
         let mut sum = [0.0, 0.0];
         for j in (0..n).filter(|j| self.graph.links(i, *j, n)) {
-            let Some(line) = line(i, j, observation) else { continue };
+            let Some(seen) = line(i, j, observation) else { continue };
+            let ahead = |k: usize| {
+                let pose = &observation.robots[k].pose;
+                let here = [pose.x_m, pose.y_m];
+                self.references_m
+                    .get(k)
+                    .copied()
+                    .flatten()
+                    .map_or([0.0, 0.0], |at| sub(at, here))
+            };
+            let line = sub(add(seen, ahead(j)), ahead(i));
             let part = match value {
                 1 => [line[0], 0.0],
                 2 => [0.0, line[1]],
@@ -194,6 +230,15 @@ impl Law for Consensus {
         let leader = parameters.get("leader") as usize;
         let robots = observation.robots.len().min(observation.bodies.len());
         let count = robots.min(demands.len()).min(self.drivers.len());
+        for i in 0..count {
+            let pose = &observation.robots[i].pose;
+            let refers = parameters.choice("value") != 0
+                && leader != i + 1
+                && matches!(observation.bodies[i].drive, Drive::Steered { .. });
+            if refers && pose.is_finite() {
+                self.references_m[i].get_or_insert([pose.x_m, pose.y_m]);
+            }
+        }
         let mut largest_m = 0.0_f64;
         for i in 0..count {
             self.ways_m[i] = self.way(i, leader, observation);
@@ -214,10 +259,15 @@ impl Law for Consensus {
             if !robot.pose.is_finite() {
                 continue;
             }
-            let way = self.ways_m[i];
-            let finished = self.gathered || length(way) <= reach_m;
-            let straight = clip(scale(way, gain_per_s), speed);
-            let goal = add([robot.pose.x_m, robot.pose.y_m], way);
+            let here = [robot.pose.x_m, robot.pose.y_m];
+            let (way, straight) = self.onward(i, here, gain_per_s, parameters);
+            let left_m = if leader == i + 1 {
+                length(way)
+            } else {
+                length(self.ways_m[i]).max(self.lag_m(i, here))
+            };
+            let finished = self.gathered || self.arrivals[i].update(left_m, reach_m);
+            let goal = add(here, way);
             let velocity = if place {
                 straight
             } else {
@@ -229,10 +279,11 @@ impl Law for Consensus {
                 velocity: if rests { [0.0, 0.0] } else { velocity },
                 way,
                 yaw_rad: None,
+                stops: !place,
             };
             demands[i] = Demand {
                 twist: self.drivers[i].twist(drive, robot, &request, parameters.get("yaw_gain_per_s")),
-                target: add([robot.pose.x_m, robot.pose.y_m], clip(way, 1.0)),
+                target: add(here, clip(way, 1.0)),
                 segment: None,
                 finished,
             };

@@ -172,6 +172,7 @@ impl Law for Coverage {
                 velocity: if rests { [0.0, 0.0] } else { velocity },
                 way,
                 yaw_rad: None,
+                stops: true,
             };
             demand.twist = driver.twist(body.drive, robot, &request, parameters.get("yaw_gain_per_s"));
         }

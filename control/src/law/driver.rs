@@ -1,13 +1,16 @@
 //! Brings a robot of any chassis along a wanted velocity: what the laws for teams have in common.
 //!
 //! A robot that turns in place points first and drives then. A car-like robot follows the arc through the point it is on
-//! the way to [Coulter 1992, pure pursuit]; a point inside its turning circle is approached by backing off first.
+//! the way to [Coulter 1992, pure pursuit]; a point inside its turning circle is approached by backing off first, and a
+//! place to stop at by a Reeds-Shepp path at the end.
 
 use twin::twist::BodyTwist;
 
+use super::manoeuvre::{Car, Manoeuvre};
 use super::motion::{Wish, YAW_RATE_LIMIT_RAD_PER_S, twist_for};
+use super::piece::Place;
 use super::{Drive, RobotObservation};
-use crate::vector::{Vector, dot, heading, length, wrap};
+use crate::vector::{Vector, add, dot, heading, length, sub, wrap};
 
 /// A slower wish is a wish to stand.
 const REST_M_PER_S: f64 = 0.006;
@@ -27,6 +30,12 @@ const BACKING_M_PER_S: f64 = 0.12;
 /// After so long at a standstill the other direction is tried.
 const STUCK_TICKS: u32 = 90;
 const STUCK_M_PER_S: f64 = 0.012;
+/// A car-like robot parks from this close, and gives it up from further away.
+const PARKING_M: f64 = 0.35;
+const FAR_M: f64 = 0.7;
+const PARKING_M_PER_S: f64 = 0.2;
+/// It plans anew when the place has moved this far.
+const MOVED_M: f64 = 0.04;
 
 /// What a law wants of one robot in this tick.
 #[derive(Debug, Clone, Copy)]
@@ -37,6 +46,8 @@ pub struct Request {
     pub way: Vector,
     /// Yaw to have at rest; robots that move sideways have it all the time. Free when `None`.
     pub yaw_rad: Option<f64>,
+    /// The robot is to stop at the end of `way`.
+    pub stops: bool,
 }
 
 /// State of the way of one robot.
@@ -47,6 +58,9 @@ pub struct Driver {
     chosen: bool,
     backing_off: bool,
     stuck_ticks: u32,
+    /// Where it parks.
+    parking: Option<Place>,
+    manoeuvre: Manoeuvre,
 }
 
 impl Driver {
@@ -76,11 +90,22 @@ impl Driver {
                 twist_for(drive, pose, &wish, yaw_gain_per_s)
             }
             Drive::TurnInPlace => turning(robot, request, yaw_gain_per_s),
-            Drive::Steered { turning_radius_m, .. } => self.steered(robot, request, turning_radius_m),
+            Drive::Steered {
+                turning_radius_m,
+                axle_x_m,
+            } => {
+                let car = Car {
+                    turning_radius_m,
+                    axle_x_m,
+                    half_room_m: [f64::INFINITY; 2],
+                    speed_m_per_s: PARKING_M_PER_S,
+                };
+                self.steered(robot, request, &car)
+            }
         }
     }
 
-    fn steered(&mut self, robot: &RobotObservation, request: &Request, turning_radius_m: f64) -> BodyTwist {
+    fn steered(&mut self, robot: &RobotObservation, request: &Request, car: &Car) -> BodyTwist {
         let speed = length(request.velocity);
         if speed < REST_M_PER_S {
             *self = Driver {
@@ -90,9 +115,12 @@ impl Driver {
             return BodyTwist::default();
         }
         self.unlock(robot);
+        if let Some(twist) = self.park(robot, request, car) {
+            return twist;
+        }
         let bearing_rad = wrap(libm::atan2(request.velocity[1], request.velocity[0]) - robot.pose.yaw_rad);
         let error_rad = self.gear(bearing_rad);
-        let limit_per_m = 1.0 / turning_radius_m.max(1e-3);
+        let limit_per_m = 1.0 / car.turning_radius_m.max(1e-3);
         let needed_per_m = 2.0 * libm::sin(error_rad) / length(request.way).max(SHORTEST_PURSUIT_M);
         let outside = error_rad.abs() < core::f64::consts::FRAC_PI_2 && needed_per_m.abs() <= 1.3 * limit_per_m;
         self.backing_off = if self.backing_off {
@@ -138,7 +166,35 @@ impl Driver {
             self.stuck_ticks = 0;
             self.backwards = !self.backwards;
             self.backing_off = !self.backing_off;
+            self.parking = None;
         }
+    }
+
+    /// The way to a place to stop at, when it is near.
+    fn park(&mut self, robot: &RobotObservation, request: &Request, car: &Car) -> Option<BodyTwist> {
+        let here = Place {
+            place_m: [robot.pose.x_m, robot.pose.y_m],
+            yaw_rad: robot.pose.yaw_rad,
+        };
+        let goal_m = add(here.place_m, request.way);
+        let far_m = length(request.way);
+        let near_m = if self.parking.is_some() { FAR_M } else { PARKING_M };
+        if !request.stops || far_m > near_m {
+            self.parking = None;
+            return None;
+        }
+        let goal = match self.parking {
+            Some(goal) if length(sub(goal.place_m, goal_m)) <= MOVED_M => goal,
+            _ => {
+                self.manoeuvre.forget();
+                Place {
+                    place_m: goal_m,
+                    yaw_rad: Manoeuvre::best_yaw_rad(car, &here, goal_m),
+                }
+            }
+        };
+        self.parking = Some(goal);
+        Some(self.manoeuvre.step(car, &here, &goal).0)
     }
 }
 

@@ -6,6 +6,9 @@
 //! of consensus. When the shape may turn, d_i is turned by the angle that makes the squared error least,
 //! tan a = sum d x (x - c) / sum d . (x - c)              [Kabsch 1976, in the plane]
 //!
+//! Robots that cannot move sideways at once would chase each other's detours, so a car-like robot agrees by a reference
+//! point x_i that moves as above from where it started, and drives to the place of that.
+//!
 //! Robots take the places of a line, circle or wedge by the optimal assignment at the start.
 
 use super::assignment::Assigner;
@@ -14,8 +17,9 @@ use super::graph::Graph;
 use super::parameters::{GRAPH, KEEP_RIGHT, REACH_RADIUS, SPEED, YAW_GAIN};
 use super::targets::{Owner, TargetRule, YawUse};
 use super::{Demand, Drive, FORMATION, Law, LawSpec, Observation, ParameterSpec, Parameters, circulation};
+use crate::TICK_S;
 use crate::scenario::{FieldProblem, MIN_START_GAP_M, Scenario};
-use crate::vector::{Vector, add, dot, heading, length, scale, sub, world_from_body};
+use crate::vector::{Vector, add, clip, dot, heading, length, scale, sub, world_from_body};
 
 const SHAPES: &[&str] = &["line", "circle", "wedge", "given"];
 const GIVEN: usize = 3;
@@ -77,6 +81,8 @@ pub struct Formation {
     turned_m: Vec<Vector>,
     drivers: Vec<Driver>,
     arrivals: Vec<Arrival>,
+    /// `x_i`: where each robot is, or the reference point of a car-like one; `None` until it has been seen.
+    known_m: Vec<Option<Vector>>,
     /// Sum of the differences that each robot sees.
     pulls_m: Vec<Vector>,
     /// From each robot to its place about the mean of the team.
@@ -91,6 +97,7 @@ impl Formation {
             graph: Graph::of(parameters.choice("graph")),
             turned_m: offsets_m.clone(),
             drivers: vec![Driver::default(); offsets_m.len()],
+            known_m: vec![None; offsets_m.len()],
             arrivals: vec![Arrival::default(); offsets_m.len()],
             pulls_m: vec![[0.0, 0.0]; offsets_m.len()],
             ways_m: vec![[0.0, 0.0]; offsets_m.len()],
@@ -99,34 +106,41 @@ impl Formation {
     }
 
     /// Sum of the differences that robot `i` sees, and the way to its place about the mean of the team.
-    fn pull(&self, i: usize, observation: &Observation<'_>) -> (Vector, Vector) {
-        let own = &observation.robots[i];
+    fn pull(&self, i: usize) -> (Vector, Vector) {
+        let Some(own) = self.known_m[i] else {
+            return ([0.0, 0.0], [0.0, 0.0]);
+        };
         let (mut sum, mut all, mut count) = ([0.0, 0.0], [0.0, 0.0], 1.0);
-        let n = observation.robots.len();
-        for (j, other) in observation.robots.iter().enumerate().take(self.turned_m.len()) {
-            if j == i || !own.pose.is_finite() || !other.pose.is_finite() {
-                continue;
-            }
+        for (j, other) in self.known_m.iter().enumerate().filter(|(j, _)| *j != i) {
+            let Some(other) = other else { continue };
             let wanted = sub(self.turned_m[i], self.turned_m[j]);
-            let line = sub([other.pose.x_m, other.pose.y_m], [own.pose.x_m, own.pose.y_m]);
-            let way = add(line, wanted);
+            let way = add(sub(*other, own), wanted);
             all = add(all, way);
             count += 1.0;
-            if self.graph.links(i, j, n) {
+            if self.graph.links(i, j, self.known_m.len()) {
                 sum = add(sum, way);
             }
         }
         (sum, scale(all, 1.0 / count))
     }
 
+    /// Takes in where the robots are.
+    fn look(&mut self, observation: &Observation<'_>) {
+        let seen = observation.robots.iter().zip(observation.bodies);
+        for (known, (robot, body)) in self.known_m.iter_mut().zip(seen) {
+            let here = robot.pose.is_finite().then_some([robot.pose.x_m, robot.pose.y_m]);
+            *known = match body.drive {
+                Drive::Steered { .. } => known.or(here),
+                _ => here,
+            };
+        }
+    }
+
     fn turn(&mut self, observation: &Observation<'_>) {
         if observation.parameters.choice("rotation") == 0 {
             return;
         }
-        let seen = |i: usize| {
-            let robot = observation.robots.get(i).filter(|robot| robot.pose.is_finite())?;
-            Some([robot.pose.x_m, robot.pose.y_m])
-        };
+        let seen = |i: usize| self.known_m[i];
         let (mut middle, mut place, mut count) = ([0.0, 0.0], [0.0, 0.0], 0.0);
         for (i, offset) in self.offsets_m.iter().enumerate() {
             if let Some(here) = seen(i) {
@@ -219,13 +233,14 @@ impl Law for Formation {
     }
 
     fn step(&mut self, observation: &Observation<'_>, demands: &mut [Demand]) {
+        self.look(observation);
         self.turn(observation);
         let parameters = observation.parameters;
         let robots = observation.robots.len().min(observation.bodies.len());
         let count = robots.min(demands.len()).min(self.drivers.len());
         let mut largest_m = 0.0_f64;
         for i in 0..count {
-            (self.pulls_m[i], self.ways_m[i]) = self.pull(i, observation);
+            (self.pulls_m[i], self.ways_m[i]) = self.pull(i);
             largest_m = largest_m.max(length(self.pulls_m[i]));
         }
         // One factor for all, so that the mean of the team stays where it is.
@@ -236,18 +251,27 @@ impl Law for Formation {
             if !robot.pose.is_finite() {
                 continue;
             }
-            let way = self.ways_m[i];
-            let place = add([robot.pose.x_m, robot.pose.y_m], way);
+            let here = [robot.pose.x_m, robot.pose.y_m];
+            let place = add(self.known_m[i].unwrap_or(here), self.ways_m[i]);
+            let way = sub(place, here);
             let finished = self.arrivals[i].update(length(way), parameters.get("reach_radius_m"));
-            let straight = scale(self.pulls_m[i], gain_per_s);
+            let drive = observation.bodies[i].drive;
+            let straight = match (drive, &mut self.known_m[i]) {
+                (Drive::Steered { .. }, Some(reference)) => {
+                    *reference = add(*reference, scale(self.pulls_m[i], gain_per_s * TICK_S));
+                    let pace_per_s = parameters.get("formation_gain_per_s") * count as f64;
+                    clip(scale(way, pace_per_s), parameters.get("speed_m_per_s"))
+                }
+                _ => scale(self.pulls_m[i], gain_per_s),
+            };
             let keep_right = parameters.get("keep_right");
             let velocity = circulation::keep_right(straight, i, place, keep_right, observation);
-            let drive = observation.bodies[i].drive;
             let rests = finished && drive != Drive::Holonomic;
             let request = Request {
                 velocity: if rests { [0.0, 0.0] } else { velocity },
                 way,
                 yaw_rad: None,
+                stops: true,
             };
             demands[i] = Demand {
                 twist: self.drivers[i].twist(drive, robot, &request, parameters.get("yaw_gain_per_s")),

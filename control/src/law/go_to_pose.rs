@@ -156,6 +156,7 @@ impl Progress {
             ),
             way,
             yaw_rad: Some(goal.yaw_rad),
+            stops: true,
         };
         let gain_per_s = parameters.get("yaw_gain_per_s");
         self.driver.twist(Drive::Holonomic, robot, &request, gain_per_s)

@@ -188,6 +188,7 @@ impl Law for GoalAssignment {
                 velocity: if rests { [0.0, 0.0] } else { velocity },
                 way,
                 yaw_rad: None,
+                stops: true,
             };
             demands[i] = Demand {
                 twist: self.drivers[i].twist(drive, robot, &request, parameters.get("yaw_gain_per_s")),

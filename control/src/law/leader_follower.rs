@@ -115,6 +115,10 @@ impl Law for LeaderFollower {
         let yaw_gain_per_s = parameters.get("yaw_gain_per_s");
         let robots = observation.robots.len().min(observation.bodies.len());
         let mut before_finished = false;
+        let last_leg = observation
+            .targets
+            .first()
+            .is_none_or(|goals| self.index + 1 >= goals.len());
         for i in 0..robots.min(demands.len()).min(self.robots.len()) {
             let robot = &observation.robots[i];
             if !robot.pose.is_finite() {
@@ -135,6 +139,7 @@ impl Law for LeaderFollower {
                 let arrived = self.robots[i].arrival.update(length(way), reach_m);
                 (way, velocity, before_finished && arrived)
             };
+            let stands = before_finished;
             before_finished = finished;
             let most = if i == 0 { speed } else { CATCH_UP * speed };
             let drive = observation.bodies[i].drive;
@@ -146,6 +151,7 @@ impl Law for LeaderFollower {
                 velocity: if rests { [0.0, 0.0] } else { wanted },
                 way: add(way, scale(forward, AHEAD_S)),
                 yaw_rad: None,
+                stops: if i == 0 { last_leg } else { stands },
             };
             demands[i] = Demand {
                 twist: progress.driver.twist(drive, robot, &request, yaw_gain_per_s),

@@ -32,6 +32,9 @@ const LOST_M: f64 = 0.08;
 /// Points at which a path is compared with the walls, for each piece.
 const SAMPLES: u32 = 12;
 
+/// Turns that are tried where the yaw at the end is free.
+const YAWS_RAD: [f64; 8] = [0.0, 0.25, -0.25, 0.5, -0.5, 0.9, -0.9, 1.4];
+
 /// What a manoeuvre must know about the robot and the arena.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Car {
@@ -121,6 +124,26 @@ impl Manoeuvre {
         };
         let ahead = sub(reference.place_m, scale(heading(reference.yaw_rad), car.axle_x_m));
         (twist, ahead)
+    }
+
+    /// The yaw, of eight around that of the robot, with which `goal_m` is reached most cheaply.
+    pub fn best_yaw_rad(car: &Car, here: &Place, goal_m: Vector) -> f64 {
+        let radius_m = RADIUS_SHARE * car.turning_radius_m;
+        let mut best = (f64::INFINITY, here.yaw_rad);
+        for turn in YAWS_RAD {
+            let goal = Place {
+                place_m: goal_m,
+                yaw_rad: wrap(here.yaw_rad + turn),
+            };
+            let path = reeds_shepp::path(&car.axle(here), &car.axle(&goal), radius_m, &|path| {
+                car.stays_inside(path)
+            });
+            let cost_m = path.cost_m(radius_m);
+            if cost_m < best.0 {
+                best = (cost_m, goal.yaw_rad);
+            }
+        }
+        best.1
     }
 
     /// The next place to plan from is where the robot is.

@@ -36,7 +36,7 @@ impl Path {
     }
 
     /// Length with a price on every change of direction.
-    fn cost_m(&self, radius_m: f64) -> f64 {
+    pub fn cost_m(&self, radius_m: f64) -> f64 {
         let pieces = self.pieces();
         let cusps = pieces
             .windows(2)
