@@ -127,8 +127,8 @@ fn formation_error_goes_to_zero() {
                         error_m < 1e-6,
                         "{n} robots, shape {shape}, graph {graph}, rotation {rotation}: {error_m}"
                     );
-                    for axis in 0..2 {
-                        let drift_m = mean(&ideal, axis) - first[axis];
+                    for (axis, first) in first.into_iter().enumerate() {
+                        let drift_m = mean(&ideal, axis) - first;
                         assert!(drift_m.abs() < 1e-9, "{n} {shape} {graph} {rotation}: {drift_m}");
                     }
                     let mut nearest: Vec<f64> = (0..n)
@@ -293,7 +293,7 @@ fn spread(random: &mut Pcg, n: usize, apart_m: f64) -> Vec<[f64; 2]> {
     places
 }
 
-/// Turpin et al., theorem 3.3: starts and goals 2 sqrt(2) R apart, so the robots stay 2 R apart (0.1 mm for the control's lag).
+/// Turpin et al. 2014: starts and goals 2 sqrt(2) R apart, so the robots stay 2 R apart (0.1 mm for the control's lag).
 #[test]
 fn paths_to_assigned_goals_never_bring_robots_together() {
     let mut random = Pcg(3);

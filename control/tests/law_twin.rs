@@ -149,11 +149,10 @@ fn a_string_of_four_followers_is_stable() {
         );
         let (verdict, poses) = run(&document);
         let mut largest = [0.0_f64; 4];
-        for frame in 0..poses[0].len() {
-            for i in 0..4 {
-                let (a, b) = (poses[i][frame], poses[i + 1][frame]);
+        for (i, largest) in largest.iter_mut().enumerate() {
+            for (a, b) in poses[i].iter().zip(&poses[i + 1]) {
                 let error_m = (libm::hypot(a[0] - b[0], a[1] - b[1]) - 0.8).abs();
-                largest[i] = largest[i].max(error_m);
+                *largest = largest.max(error_m);
             }
         }
         println!(

@@ -1,6 +1,6 @@
 //! `consensus`: the robots agree on a place, or on one coordinate of it.
 //!
-//! v_i = k sum_j a_ij (x_j - x_i)                        [Olfati-Saber, Fax and Murray 2007, eq. 1]
+//! v_i = k sum_j a_ij (x_j - x_i)                        [Olfati-Saber, Fax and Murray 2007, linear consensus protocol]
 //!
 //! On a connected graph the values go to their mean, and the disagreement decays at least as exp(-k lambda_2 t) with
 //! lambda_2 the second eigenvalue of the graph's Laplacian. With a leader, which listens to nobody, they go to its value.
@@ -23,7 +23,7 @@ const VALUES: &[&str] = &["place", "x", "y"];
 pub(super) const SPEC: LawSpec = LawSpec {
     name: CONSENSUS,
     title: "Consensus: the robots agree on a place or a coordinate, on its mean or on the leader's",
-    source: "Olfati-Saber, Fax and Murray 2007, eq. 1",
+    source: "Olfati-Saber, Fax and Murray 2007, linear consensus protocol",
     targets: TargetRule {
         owner: Owner::Robot,
         least: 0,
@@ -254,7 +254,7 @@ impl Law for Consensus {
         // One factor for all, so that the mean of the team stays where it is.
         let speed = parameters.get("speed_m_per_s");
         let gain_per_s = parameters.get("consensus_gain_per_s").min(speed / largest_m.max(1e-9));
-        for i in 0..count {
+        for (i, demand) in demands.iter_mut().enumerate().take(count) {
             let robot = &observation.robots[i];
             if !robot.pose.is_finite() {
                 continue;
@@ -281,7 +281,7 @@ impl Law for Consensus {
                 yaw_rad: None,
                 stops: !place,
             };
-            demands[i] = Demand {
+            *demand = Demand {
                 twist: self.drivers[i].twist(drive, robot, &request, parameters.get("yaw_gain_per_s")),
                 target: add(here, clip(way, 1.0)),
                 segment: None,

@@ -1,7 +1,7 @@
 //! `coverage`: the robots spread over the arena, each to the centre of mass of its Voronoi cell.
 //!
 //! v_i = k (C_i - x_i),  C_i the centre of mass of the points that are nearest to robot i
-//!                                                       [Cortés, Martínez, Karataş and Bullo 2004, eq. 11; Lloyd 1982]
+//!                                                       [Cortés, Martínez, Karataş and Bullo 2004, move to the centroid; Lloyd 1982]
 //!
 //! The cost sum_q w(q) min_i |q - x_i|^2 never grows along the way. Cells and cost are taken over a grid of points, on
 //! which this holds exactly: moving towards C_i lowers the part of cell i, and dealing the points anew lowers the sum.
@@ -16,7 +16,7 @@ use crate::vector::{Vector, add, clip, dot, length, scale, sub};
 pub(super) const SPEC: LawSpec = LawSpec {
     name: COVERAGE,
     title: "Coverage: the robots spread over the arena, denser where the targets are",
-    source: "Cortés, Martínez, Karataş and Bullo 2004, eq. 11; Lloyd 1982",
+    source: "Cortés, Martínez, Karataş and Bullo 2004, move to the centroid; Lloyd 1982",
     targets: TargetRule {
         owner: Owner::Team,
         least: 0,

@@ -2,7 +2,7 @@
 //!
 //! - Holonomic: v = min(k e, speed), r = k_y (yaw error).
 //! - Turning in place, with e the distance, a the angle to the goal and t the angle of the line to the goal against the
-//!   goal's yaw: u = g e cos a,  r = k a + g (cos a sin a / a)(a + h t)    [Aicardi et al. 1995, eqs. 7 and 8]; backwards
+//!   goal's yaw: u = g e cos a,  r = k a + g (cos a sin a / a)(a + h t)    [Aicardi et al. 1995]; backwards
 //!   when the goal lies behind, and on the spot at the end.
 //! - Car-like: the Reeds-Shepp path that stays in the arena, see `reeds_shepp.rs` and `manoeuvre.rs`.
 
@@ -21,7 +21,7 @@ use crate::vector::{Vector, clip, length, scale, sub, wrap};
 pub(super) const SPEC: LawSpec = LawSpec {
     name: GO_TO_POSE,
     title: "Go to pose: every robot stops at its own place with its own yaw, car-like ones by reversing where needed",
-    source: "Aicardi et al. 1995 (eqs. 7, 8) for robots that turn in place; Reeds and Shepp 1990 (eqs. 8.1 to 8.11) and Samson 1992 for car-like ones",
+    source: "Aicardi et al. 1995 for robots that turn in place; Reeds and Shepp 1990 (eqs. 8.1 to 8.11) and Samson 1992 for car-like ones",
     targets: TargetRule {
         owner: Owner::Robot,
         least: 1,

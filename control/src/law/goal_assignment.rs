@@ -2,7 +2,7 @@
 //!
 //! The assignment makes the sum of squared distances least; then, with all robots driving x_i(t) = (1 - b(t)) s_i +
 //! b(t) g_i and starts and goals at least 2 sqrt(2) R apart, no two robots of radius R meet
-//!                                                        [Turpin, Michael and Kumar 2014, CAPT, theorem 3.3]
+//!                                                        [Turpin, Michael and Kumar 2014, CAPT]
 //! because every pair has (s_i - s_j) . (g_i - g_j) >= 0. The common pace b waits for the robot that is furthest behind.
 //! Assigned anew from time to time, the squared distances that are left only go down (their D-CAPT).
 //!
@@ -20,7 +20,7 @@ use crate::{TICK_RATE_HZ, TICK_S};
 pub(super) const SPEC: LawSpec = LawSpec {
     name: GOAL_ASSIGNMENT,
     title: "Goal assignment: the team shares its goals out so that paths do not cross",
-    source: "Turpin, Michael and Kumar 2014 (CAPT, theorem 3.3); Hungarian method, Kuhn 1955",
+    source: "Turpin, Michael and Kumar 2014 (CAPT); Hungarian method, Kuhn 1955",
     targets: TargetRule {
         owner: Owner::Team,
         least: 1,

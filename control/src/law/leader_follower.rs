@@ -2,7 +2,7 @@
 //!
 //! Robot i + 1 keeps its place at a distance l and a bearing b behind robot i:
 //!
-//! p = x_i - l [cos(c + b), sin(c + b)],  v = dp/dt + k (p - x)      [Das et al. 2002, separation-bearing control, sect. III]
+//! p = x_i - l [cos(c + b), sin(c + b)],  v = dp/dt + k (p - x)      [Das et al. 2002, separation-bearing control]
 //!
 //! The direction c of "behind" is that of a hitched trailer of length l, dc/dt = |v_i| sin(arg v_i - c) / l: it is the
 //! same for all chassis and never jumps, also when the leader moves sideways or turns on the spot.
@@ -18,7 +18,7 @@ use crate::{TICK_S, law::Goal};
 pub(super) const SPEC: LawSpec = LawSpec {
     name: LEADER_FOLLOWER,
     title: "Leader and followers: each robot keeps a distance and a bearing behind the one before it",
-    source: "Das et al. 2002, separation-bearing control (sect. III)",
+    source: "Das et al. 2002, separation-bearing control",
     targets: TargetRule {
         owner: Owner::First,
         least: 1,

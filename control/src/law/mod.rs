@@ -6,6 +6,7 @@
 pub mod assignment;
 mod circulation;
 mod consensus;
+mod corner;
 mod coverage;
 mod driver;
 mod formation;
@@ -21,6 +22,7 @@ mod path_following;
 mod piece;
 mod push;
 mod reeds_shepp;
+mod shape;
 mod targets;
 mod trajectory;
 mod trajectory_tracking;
@@ -146,11 +148,11 @@ pub fn build(scenario: &Scenario) -> Option<Box<dyn Law>> {
 /// The rules that only the law of a scenario knows; the scenario has passed all others.
 pub(crate) fn check_scenario(scenario: &Scenario) -> Vec<FieldProblem> {
     match scenario.experiment.control.law.as_str() {
-        PATH_FOLLOWING => path_following::check(scenario),
+        PATH_FOLLOWING => corner::check(scenario),
         TRAJECTORY_TRACKING => trajectory_tracking::check(scenario),
         CONSENSUS => consensus::check(scenario),
         LEADER_FOLLOWER => leader_follower::check(scenario),
-        FORMATION => formation::check(scenario),
+        FORMATION => shape::check(scenario),
         GOAL_ASSIGNMENT => goal_assignment::check(scenario),
         _ => Vec::new(),
     }

@@ -1,6 +1,6 @@
 //! A trajectory through places at equal times: a natural cubic spline driven by a smooth clock.
 //!
-//! q(w), w in [0, n], is the cubic spline with q(k) = place k and q'' = 0 at both ends [de Boor 1978, ch. IV]; its second
+//! q(w), w in [0, n], is the cubic spline with q(k) = place k and q'' = 0 at both ends [de Boor 1978]; its second
 //! derivatives solve  m(k-1) + 4 m(k) + m(k+1) = 6 (q(k+1) - 2 q(k) + q(k-1)).  The clock w(t) has w(k T) = k; it rises
 //! from rest in the first interval as 3 s^2 - 3 s^3 + s^4 and comes to rest in the last the same way, so velocity and
 //! acceleration are continuous. With one interval it is 10 s^3 - 15 s^4 + 6 s^5.

@@ -2,13 +2,13 @@
 //!
 //! - Holonomic: v = v_r + k (x_r - x).
 //! - Others, with the errors in the robot's frame: u = u_r cos e_t + k e_x,  r = r_r + u_r (k_y e_y + 2 sqrt(k_y) sin e_t)
-//!   [Kanayama et al. 1990, eq. 7; critically damped]. A car-like robot bends no more than its steering allows.
+//!   [Kanayama et al. 1990; critically damped]. A car-like robot bends no more than its steering allows.
 
 use twin::twist::BodyTwist;
 
+use super::corner::start_problem;
 use super::motion::YAW_RATE_LIMIT_RAD_PER_S;
 use super::parameters::YAW_GAIN;
-use super::path_following::start_problem;
 use super::targets::{Owner, TargetRule, YawUse};
 use super::trajectory::{Reference, Trajectory};
 use super::{
@@ -21,7 +21,7 @@ use crate::vector::{Vector, add, body_from_world, length, scale, sub, world_from
 pub(super) const SPEC: LawSpec = LawSpec {
     name: TRAJECTORY_TRACKING,
     title: "Trajectory tracking: a smooth trajectory passes the targets at equal times, the robot follows it by feed-forward and feedback",
-    source: "Kanayama et al. 1990, eq. 7; natural cubic spline, de Boor 1978, ch. IV",
+    source: "Kanayama et al. 1990, tracking control rule for vehicles; natural cubic spline, de Boor 1978",
     targets: TargetRule {
         owner: Owner::Robot,
         least: 1,
