@@ -110,7 +110,7 @@ fn ideal_views(truth: &Truth, sigma_px: f64, random: &mut Random) -> Vec<BoardVi
     out
 }
 
-/// Largest distance on the floor between where two cameras put the same pixel.
+/// Largest distance between where two cameras put the same pixel at the tags' height, over the camera's half of the floor.
 fn floor_error_m(truth: &Truth, document: &CameraDocument) -> f64 {
     let camera = document.check().expect("a camera");
     let exact = truth.camera();
@@ -119,7 +119,9 @@ fn floor_error_m(truth: &Truth, document: &CameraDocument) -> f64 {
         let pixel = [f64::from(step % 20) * 32.0 + 15.0, f64::from(step / 20) * 23.0 + 20.0];
         let place = |camera: &localise::Camera| camera.on_plane(camera.lens().undistort(pixel)?, 0.1);
         let (a, b) = (place(&camera).expect("floor"), place(&exact).expect("floor"));
-        worst = worst.max((a[0] - b[0]).hypot(a[1] - b[1]));
+        if (-1.9..0.1).contains(&b[0]) && b[1].abs() < 1.4 {
+            worst = worst.max((a[0] - b[0]).hypot(a[1] - b[1]));
+        }
     }
     worst
 }
@@ -143,19 +145,11 @@ fn noisy_corners_give_the_camera_back_within_the_stated_deviations() {
     assert!((d.distortion.k1 - truth.lens[0]).abs() < 4.0 * fit.deviation.k1);
     assert!((d.distortion.k2 - truth.lens[1]).abs() < 4.0 * fit.deviation.k2);
     assert!(fit.deviation.focal_px[0] < 1.0 && fit.deviation.position_m[2] < 0.005);
-    assert!(floor_error_m(&truth, d) < 0.004);
+    assert!(floor_error_m(&truth, d) < 0.002);
 }
 
 #[test]
 fn exact_corners_give_the_exact_camera() {
-    let truth = camera_over_half(true);
-    let mut views = ideal_views(&truth, 0.0, &mut Random(4));
-    for tag in &mut views[0].board.tags {
-        tag.x_m += 0.0;
-    }
-    // The floor board lies under the left camera; the right one sees too little of it.
-    let problem = calibrate(&views, &settings()).expect_err("too few tags of the floor");
-    assert_eq!(problem.field, "views[0].detections");
     let truth = camera_over_half(false);
     let views = ideal_views(&truth, 0.0, &mut Random(4));
     let fit = calibrate(&views, &settings()).expect("good views");
@@ -252,9 +246,8 @@ fn views_that_determine_nothing_are_refused_with_the_reason() {
     assert!(refused(&twice).message.contains("twice"));
     let mut line = good.clone();
     line[2].detections.retain(|tag| tag.id < 5);
-    let board = &mut line[2].board;
-    board.tags.iter_mut().for_each(|tag| tag.edge_m = 0.02);
-    assert!(["views[2].detections"].contains(&refused(&line).field.as_str()));
+    line[2].board.tags.iter_mut().for_each(|tag| tag.edge_m = 0.02);
+    assert!(refused(&line).message.contains("line"));
     let mut middle = good.clone();
     for view in &mut middle {
         view.detections

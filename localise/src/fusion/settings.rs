@@ -13,7 +13,8 @@ pub struct FusionSettings {
     pub speed_max_m_per_s: f64,
     /// Fastest any robot can turn.
     pub yaw_rate_max_rad_per_s: f64,
-    /// Spectral density of the accelerations that the constant-velocity model does not know, m^2/s^3.
+    /// Spectral density of the accelerations that the constant-velocity model does not know, m^2/s^3; velocities lag by
+    /// about 15 ms at the default.
     pub acceleration_density_m2_per_s3: f64,
     /// The same for yaw, rad^2/s^3.
     pub yaw_acceleration_density_rad2_per_s3: f64,
@@ -41,8 +42,8 @@ impl Default for FusionSettings {
             robots: 64,
             speed_max_m_per_s: 3.0,
             yaw_rate_max_rad_per_s: 20.0,
-            acceleration_density_m2_per_s3: 0.5,
-            yaw_acceleration_density_rad2_per_s3: 20.0,
+            acceleration_density_m2_per_s3: 0.05,
+            yaw_acceleration_density_rad2_per_s3: 2.0,
             gate: 25.0,
             hits_to_start: 3,
             lost_after_us: 500_000,

@@ -1,7 +1,7 @@
 //! Pictures of tags on the floor as a distorting, blurring, noisy camera would take them.
 //!
 //! Written from the published formulas, not with the code under test: lens, projection and tag pattern are its own.
-#![allow(dead_code, reason = "each test uses its part")]
+#![allow(dead_code, unused_imports, reason = "each test uses its part")]
 
 mod random;
 mod scene;
@@ -116,7 +116,8 @@ impl Renderer {
         for (row, v) in rows.enumerate() {
             let line = &patch[row * across..(row + 1) * across];
             for (offset, &value) in line.iter().enumerate() {
-                if value >= 0.0 {
+                let middle = (v * width + columns.start + offset) * FINE * FINE + FINE * FINE / 2;
+                if moments[FINE * FINE / 2].covers(self.places[middle]) {
                     self.picture[v * width + columns.start + offset] = value;
                 }
             }

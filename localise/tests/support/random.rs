@@ -1,4 +1,5 @@
 //! Seeded random numbers: splitmix64.
+#![allow(dead_code, reason = "each test uses its part")]
 
 pub struct Random(pub u64);
 

@@ -209,6 +209,14 @@ pub struct Shader {
 }
 
 impl Shader {
+    /// Whether a pixel belongs to this tag, with room for the blur: the rest is left to the neighbours.
+    pub fn covers(&self, at: [f32; 2]) -> bool {
+        let (dx, dy) = (at[0] - self.centre[0], at[1] - self.centre[1]);
+        let [cosine, sine] = self.turn;
+        let (x, y) = (cosine * dx + sine * dy, cosine * dy - sine * dx);
+        x.abs().max(y.abs()) * self.modules_per_m < 6.0 || dx.hypot(dy) < self.body_m2.sqrt() + 0.02
+    }
+
     pub fn shade(&self, at: [f32; 2]) -> f32 {
         let (dx, dy) = (at[0] - self.centre[0], at[1] - self.centre[1]);
         let [cosine, sine] = self.turn;
