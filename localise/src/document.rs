@@ -253,4 +253,16 @@ mod tests {
         up.rotation = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         assert_eq!(up.check().expect_err("looks at the ceiling").field, "rotation[2][2]");
     }
+
+    #[test]
+    fn the_example_of_the_documentation_is_a_camera() {
+        let page = include_str!("../../docs/localisation.md");
+        let (_, rest) = page.split_once("```json").expect("the page has an example");
+        let (example, _) = rest.split_once("```").expect("the example ends");
+        let camera = CameraDocument::from_json(example)
+            .expect("JSON")
+            .check()
+            .expect("a camera");
+        assert_eq!(camera.name(), "cam-0");
+    }
 }

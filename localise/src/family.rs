@@ -49,49 +49,6 @@ pub(crate) fn find(bits: u64, hamming_max: u32) -> Option<Match> {
     None
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Published pictures of the family: tag 0 and 1 row by row.
-    #[test]
-    fn codes_are_the_published_ones() {
-        assert_eq!(CODES.len(), 587);
-        assert_eq!(CODES[0], 0xd_5d62_8584);
-        assert_eq!(CODES[1], 0xd_97f1_8b49);
-        assert_eq!(CODES[2], 0xd_d280_910e);
-    }
-
-    #[test]
-    fn any_two_codes_differ_in_eleven_bits_whatever_the_rotation() {
-        let mut least = 36;
-        for (at, &first) in CODES.iter().enumerate() {
-            let mut other = first;
-            for _ in 0..3 {
-                other = turned(other);
-                least = least.min((first ^ other).count_ones());
-            }
-            for &second in &CODES[..at] {
-                let mut other = second;
-                for _ in 0..4 {
-                    least = least.min((first ^ other).count_ones());
-                    other = turned(other);
-                }
-            }
-        }
-        assert_eq!(least, DISTANCE_MIN);
-    }
-
-    #[test]
-    fn a_reading_is_found_in_each_rotation_and_with_wrong_bits() {
-        let reading = turned(CODES[41]) ^ 0b1000;
-        assert_eq!(turned(turned(turned(turned(reading)))), reading);
-        assert_eq!(find(reading, 0), None);
-        let found = find(reading, 1).expect("one bit is allowed");
-        assert_eq!((found.id, found.turns, found.wrong.count_ones()), (41, 3, 1));
-    }
-}
-
 /// Codes by tag id.
 #[rustfmt::skip]
 pub const CODES: [u64; 587] = [
@@ -170,3 +127,46 @@ pub const CODES: [u64; 587] = [
     0xeacf78ba7, 0x0872b94f8, 0xda8ddf9a2, 0x9aa920d2b, 0x1f350ed36, 0x18a5e861f, 0x2c35b89c3, 0x3347ac48a,
     0x7f23e022e, 0x2459068fb, 0xe83be4b73,
 ];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Published pictures of the family: tag 0 and 1 row by row.
+    #[test]
+    fn codes_are_the_published_ones() {
+        assert_eq!(CODES.len(), 587);
+        assert_eq!(CODES[0], 0xd_5d62_8584);
+        assert_eq!(CODES[1], 0xd_97f1_8b49);
+        assert_eq!(CODES[2], 0xd_d280_910e);
+    }
+
+    #[test]
+    fn any_two_codes_differ_in_eleven_bits_whatever_the_rotation() {
+        let mut least = 36;
+        for (at, &first) in CODES.iter().enumerate() {
+            let mut other = first;
+            for _ in 0..3 {
+                other = turned(other);
+                least = least.min((first ^ other).count_ones());
+            }
+            for &second in &CODES[..at] {
+                let mut other = second;
+                for _ in 0..4 {
+                    least = least.min((first ^ other).count_ones());
+                    other = turned(other);
+                }
+            }
+        }
+        assert_eq!(least, DISTANCE_MIN);
+    }
+
+    #[test]
+    fn a_reading_is_found_in_each_rotation_and_with_wrong_bits() {
+        let reading = turned(CODES[41]) ^ 0b1000;
+        assert_eq!(turned(turned(turned(turned(reading)))), reading);
+        assert_eq!(find(reading, 0), None);
+        let found = find(reading, 1).expect("one bit is allowed");
+        assert_eq!((found.id, found.turns, found.wrong.count_ones()), (41, 3, 1));
+    }
+}

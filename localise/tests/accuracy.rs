@@ -121,7 +121,7 @@ fn tags_drawn_from_the_published_codes_have_their_numbers() {
                 0,
                 -1.0 + 0.02 * index as f64,
                 -1.2 + 0.7 * index as f64,
-                index as f64 * 1.5707963,
+                index as f64 * std::f64::consts::FRAC_PI_2,
             )
         })
         .collect();

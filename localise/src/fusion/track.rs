@@ -128,10 +128,10 @@ impl Track {
             .plane_p
             .map(|row| [row[0] - back_s * row[2], row[1] - back_s * row[3]]);
         let gain = ph.map(|row| [0, 1].map(|c| row[0] * inverse[0][c] + row[1] * inverse[1][c]));
-        for row in 0..4 {
-            self.plane[row] += gain[row][0] * miss[0] + gain[row][1] * miss[1];
-            for column in 0..4 {
-                self.plane_p[row][column] -= gain[row][0] * ph[column][0] + gain[row][1] * ph[column][1];
+        for (row, gain) in gain.iter().enumerate() {
+            self.plane[row] += gain[0] * miss[0] + gain[1] * miss[1];
+            for (value, ph) in self.plane_p[row].iter_mut().zip(&ph) {
+                *value -= gain[0] * ph[0] + gain[1] * ph[1];
             }
         }
         symmetrise(&mut self.plane_p);
@@ -241,11 +241,10 @@ impl Track {
 }
 
 fn symmetrise<const N: usize>(matrix: &mut Square<N>) {
-    for row in 0..N {
-        for column in 0..row {
-            let mean = 0.5 * (matrix[row][column] + matrix[column][row]);
-            matrix[row][column] = mean;
-            matrix[column][row] = mean;
+    let before = *matrix;
+    for (row, values) in matrix.iter_mut().enumerate() {
+        for (column, value) in values.iter_mut().enumerate() {
+            *value = 0.5 * (before[row][column] + before[column][row]);
         }
     }
 }

@@ -259,8 +259,8 @@ pub fn spread_out(random: &mut Random, right: bool, first: u16, count: u16) -> V
         if out.iter().any(|other| (other.x_m - x).hypot(other.y_m - y) < 0.42) {
             continue;
         }
-        let mut place = Place::tag(first + out.len() as u16, x, y, random.between(-3.14159, 3.14159));
-        let (speed, heading) = (random.between(0.0, 0.8), random.between(0.0, 6.28));
+        let mut place = Place::tag(first + out.len() as u16, x, y, random.between(-3.0, 3.2));
+        let (speed, heading) = (random.between(0.0, 0.8), random.between(0.0, 6.25));
         place.velocity = [speed * heading.cos(), speed * heading.sin()];
         place.yaw_rate = random.between(-2.0, 2.0);
         out.push(place);
