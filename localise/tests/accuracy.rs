@@ -213,6 +213,15 @@ fn soak(frames: u64) {
         candidates += u64::from(seen.rejections.candidates);
         // A tag with two wrong bits is not accepted either: it would be nobody's.
         score.add(&places[..12], &seen.poses);
+        if sequence % 5_000 == 4_999 {
+            println!(
+                "{} frames: {} of {} found, {} foreign",
+                sequence + 1,
+                score.found,
+                score.wanted,
+                score.foreign
+            );
+        }
     }
     let (share, rms_mm, rms_deg) = score.report();
     println!("{frames} frames, {candidates} candidates");
