@@ -146,7 +146,7 @@ mod tests {
     fn a_point_spreads_by_the_deviation_and_keeps_its_sum() {
         let mut sharp = vec![0.0f32; WIDTH * 15];
         sharp[7 * WIDTH + 9] = 100.0;
-        for deviation_px in [0.4, 0.5, 0.8, 1.1] {
+        for deviation_px in [0.5, 0.8, 1.1] {
             let out = blurred(&sharp, deviation_px);
             let moment = |power: i32| -> f64 {
                 out.iter()
@@ -157,7 +157,7 @@ mod tests {
             assert!((moment(0) - 100.0).abs() < 1e-3 && moment(1).abs() < 1e-3);
             let variance = moment(2) / moment(0);
             assert!((variance - Blur::new(deviation_px).variance_px2()).abs() < 1e-4);
-            // the pixel's own width adds 1/12; the cut-off at 2.5 deviations takes up to a tenth
+            // the pixel's own width adds 1/12; whole pixels and the cut-off take up to a twentieth
             let expected = deviation_px * deviation_px + 1.0 / 12.0;
             assert!(
                 (variance / expected - 1.0).abs() < 0.12,

@@ -415,4 +415,49 @@ mod tests {
             }
         }
     }
+
+    /// One look is enough where all points agree: the shortcut gives what all points would give, and nothing lies outside of
+    /// the region.
+    #[test]
+    fn the_shortcut_changes_nothing() {
+        let text = include_str!("../../../examples/lab/cameras/cam-0.json");
+        let optics = Optics::from(&super::super::Calibration::parse(text).expect("the example"));
+        let (slopes, width) = (optics.slopes().expect("slopes"), usize::from(optics.width_px));
+        let still = [Pose {
+            x_m: -0.3,
+            y_m: 1.1,
+            yaw_rad: 0.5,
+        }];
+        let moving: Vec<Pose> = (0..8)
+            .map(|i| f64::from(i) * 0.004)
+            .map(|at| Pose {
+                x_m: -1.2 + at,
+                y_m: -0.4 + 0.5 * at,
+                yaw_rad: 2.0 + 3.0 * at,
+            })
+            .collect();
+        let wide = RobotShape {
+            body_radius_m: 0.12,
+            ..RobotShape::default()
+        };
+        for (poses, shape) in [
+            (&still[..], RobotShape::default()),
+            (&moving, RobotShape::default()),
+            (&moving, wide),
+        ] {
+            let stroke = Stroke::new(&optics, &slopes, Tag::new(7), &shape, poses).expect("in view");
+            let (mut looks, mut touched) = (0, 0);
+            for (index, slope) in slopes.iter().enumerate() {
+                let (u, v) = (index % width, index / width);
+                let (short, full) = (stroke.pixel(*slope, 200.0, 77.0), stroke.mean(*slope, 200.0, 77.0));
+                assert!((short - full).abs() < 1e-3, "({u}, {v}): {short} {full}");
+                let region = stroke.region;
+                let inside = u >= region.left && u < region.right && v >= region.top && v < region.bottom;
+                assert!(inside || full == 77.0, "({u}, {v}) is touched outside of the region");
+                touched += usize::from(full != 77.0);
+                looks += usize::from((full / 200.0 - wide.body_reflectance as f32).abs() < 1e-6);
+            }
+            assert!(touched > 4000 && looks > 500, "{touched} {looks}");
+        }
+    }
 }
