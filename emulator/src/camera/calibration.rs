@@ -81,26 +81,20 @@ impl Calibration {
             size,
         )?;
         let sides = [self.width_px, self.height_px].map(f64::from);
-        for axis in 0..2 {
-            let again = "calibrate again";
+        let again = "calibrate again";
+        for (axis, side) in sides.into_iter().enumerate() {
             within(&format!("focal_px[{axis}]"), self.focal_px[axis], 16.0, 20_000.0, again)?;
-            within(
-                &format!("centre_px[{axis}]"),
-                self.centre_px[axis],
-                0.0,
-                sides[axis],
-                again,
-            )?;
+            within(&format!("centre_px[{axis}]"), self.centre_px[axis], 0.0, side, again)?;
         }
         let d = self.distortion;
         for (name, value) in [("k1", d.k1), ("k2", d.k2), ("k3", d.k3), ("p1", d.p1), ("p2", d.p2)] {
-            within(&format!("distortion.{name}"), value, -10.0, 10.0, "calibrate again")?;
+            within(&format!("distortion.{name}"), value, -10.0, 10.0, again)?;
         }
         let far = "give the camera's place in metres in the arena's world frame";
         within("position_m[0]", self.position_m[0], -100.0, 100.0, far)?;
         within("position_m[1]", self.position_m[1], -100.0, 100.0, far)?;
         within("position_m[2]", self.position_m[2], 0.3, 100.0, far)?;
-        within("rms_px", self.rms_px, 0.0, 10.0, "calibrate again")?;
+        within("rms_px", self.rms_px, 0.0, 10.0, again)?;
         self.check_rotation()
     }
 

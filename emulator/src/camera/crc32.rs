@@ -67,7 +67,7 @@ mod tests {
 
     #[test]
     fn blocks_and_single_bytes_agree() {
-        let bytes: Vec<u8> = (0..1000u32).map(|i| (i * i >> 3) as u8).collect();
+        let bytes: Vec<u8> = (0..1000u32).map(|i| ((i * i) >> 3) as u8).collect();
         for length in [15, 16, 17, 31, 32, 33, 1000] {
             let slow = bytes[..length].iter().fold(u32::MAX, |remainder, byte| {
                 (0..8).fold(remainder ^ u32::from(*byte), |r, _| {
