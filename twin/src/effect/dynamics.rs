@@ -276,7 +276,7 @@ impl Runtime {
         if let Some(drives) = &mut self.drives {
             drives.restore(rest);
         }
-        self.live = Box::new(Model::clone(&self.base));
+        *self.live = Model::clone(&self.base);
         // What a view shows between steps: supply and gears.
         if let Some(motor) = &mut self.live.motor {
             motor.set_supply(words[1]);
