@@ -13,6 +13,7 @@
 mod blur;
 pub mod calibration;
 mod canvas;
+mod cell_table;
 pub mod crc32;
 pub mod device;
 pub mod exposure;
@@ -23,6 +24,7 @@ pub mod lens;
 mod light;
 pub mod misalignment;
 pub mod optics;
+mod pattern;
 pub mod problem;
 mod robot_view;
 pub mod sender;

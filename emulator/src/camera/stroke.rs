@@ -5,9 +5,11 @@
 //! all agree take one look.
 
 use super::blur::Region;
+use super::cell_table::CellTable;
 use super::optics::Optics;
+use super::pattern::pattern;
 use super::robot_view::RobotShape;
-use super::tag::{BLACK_REFLECTANCE, CELL_M, CELLS, Tag, WHITE_REFLECTANCE};
+use super::tag::{CELL_M, CELLS, Tag};
 use crate::plant::Pose;
 
 /// A robot whose tag or body is nearer to the lens's height than this is not drawn.
@@ -264,59 +266,6 @@ impl Stroke {
     }
 }
 
-/// The cells of a tag with three empty ones around them: `[reflectance, 1]`, and `[0, 0]` where there is no tag.
-#[derive(Debug, Clone)]
-struct CellTable {
-    cells: [[f32; 2]; Self::SIDE * Self::SIDE],
-}
-
-impl CellTable {
-    const SIDE: usize = 16;
-    const RIM: usize = (Self::SIDE - CELLS) / 2;
-    /// How far off the tag [`Self::near`] may be asked, in cells.
-    const REACH: f32 = Self::RIM as f32 - 0.5;
-
-    fn new(tag: Tag) -> Self {
-        let mut cells = [[0.0; 2]; Self::SIDE * Self::SIDE];
-        for (index, white) in tag.cells().into_iter().enumerate() {
-            let reflectance = if white { WHITE_REFLECTANCE } else { BLACK_REFLECTANCE };
-            let (column, row) = (index % CELLS + Self::RIM, index / CELLS + Self::RIM);
-            cells[row * Self::SIDE + column] = [reflectance as f32, 1.0];
-        }
-        Self { cells }
-    }
-
-    /// At a place within [`Self::REACH`] of the tag.
-    #[inline(always)]
-    fn near(&self, column: f32, row: f32) -> [f32; 2] {
-        // Adding 2^23 rounds and leaves the whole number in the low bits; half a cell less makes it rounding down. Several
-        // times as fast as a saturating conversion.
-        const DOWN: f32 = CellTable::RIM as f32 - 0.5;
-        let whole = |value: f32| (value + DOWN + 8_388_608.0).to_bits() as usize % Self::SIDE;
-        self.cells[whole(row) * Self::SIDE + whole(column)]
-    }
-
-    /// Anywhere; `None` off the tag.
-    fn at(&self, column: f32, row: f32) -> Option<f32> {
-        let on_tag = |value: f32| (0.0..CELLS as f32).contains(&value);
-        let whole = |value: f32| value as usize + Self::RIM;
-        (on_tag(column) && on_tag(row)).then(|| self.cells[whole(row) * Self::SIDE + whole(column)][0])
-    }
-
-    /// What all cells within `spread` of a place have in common.
-    #[inline(always)]
-    fn even(&self, [column, row]: [f32; 2], [dc, dr]: [f32; 2]) -> Option<[f32; 2]> {
-        if dc > 0.5 || dr > 0.5 {
-            return None;
-        }
-        let first = self.near(column - dc, row - dr);
-        let same = first == self.near(column + dc, row + dr)
-            && first == self.near(column - dc, row + dr)
-            && first == self.near(column + dc, row - dr);
-        same.then_some(first)
-    }
-}
-
 /// The rectangle of pixels that the robot can touch.
 fn region(optics: &Optics, has_tag: bool, shape: &RobotShape, poses: &[Pose]) -> Option<Region> {
     let mut discs = Vec::new();
@@ -368,42 +317,6 @@ fn slope_per_pixel(optics: &Optics, slopes: &[[f32; 2]], region: Region) -> [[f6
     [half(at + 1, at - 1), half(at + width, at - width)]
 }
 
-/// Points within a pixel for one of `count` instants, in px from its centre. All instants together have evenly spread columns
-/// and rows, none twice, so that a straight edge is measured to 1 / (number of points) of a pixel.
-fn pattern(instant: usize, count: usize) -> impl Iterator<Item = [f64; 2]> {
-    const ROWS_4: &[u8] = &[1, 3, 0, 2];
-    const ROWS_8: &[u8] = &[2, 5, 0, 7, 4, 1, 6, 3];
-    const ROWS_16: &[u8] = &[5, 11, 1, 14, 8, 3, 12, 6, 9, 15, 0, 10, 4, 13, 2, 7];
-    let rows = match count {
-        1 => ROWS_16,
-        2 => ROWS_8,
-        _ => ROWS_4,
-    };
-    let shift = |step: f64| (((instant * stride(count, step)) % count) as f64 + 0.5) / count as f64;
-    let (shift_u, shift_v) = (shift(0.62), shift(0.3));
-    let points = rows.len() as f64;
-    rows.iter().enumerate().map(move |(column, row)| {
-        [
-            (column as f64 + shift_u) / points - 0.5,
-            (f64::from(*row) + shift_v) / points - 0.5,
-        ]
-    })
-}
-
-/// A number without a common divisor with `count`, near `share` of it.
-fn stride(count: usize, share: f64) -> usize {
-    let divisor = |mut a: usize, mut b: usize| {
-        while b != 0 {
-            (a, b) = (b, a % b);
-        }
-        a
-    };
-    let wanted = ((count as f64 * share) as usize).max(1);
-    (wanted..wanted + count)
-        .find(|step| divisor(*step, count) == 1)
-        .unwrap_or(1)
-}
-
 /// How far points can be from their pixel's centre at the middle instant, in cells, columns and rows.
 fn tag_spread(instants: &[Instant], middle: usize) -> [f32; 2] {
     let end = CELLS as f32;
@@ -448,26 +361,8 @@ fn body_spread(instants: &[Instant], middle: usize) -> f32 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::tag::{BLACK_REFLECTANCE, WHITE_REFLECTANCE};
     use super::*;
-
-    #[test]
-    fn points_of_all_instants_are_evenly_spread_in_columns_and_rows() {
-        for count in 1..=16 {
-            let points: Vec<[f64; 2]> = (0..count).flat_map(|instant| pattern(instant, count)).collect();
-            let total = points.len();
-            for axis in 0..2 {
-                let mut values: Vec<f64> = points.iter().map(|point| point[axis]).collect();
-                values.sort_by(f64::total_cmp);
-                for (index, value) in values.iter().enumerate() {
-                    let expected = (index as f64 + 0.5) / total as f64 - 0.5;
-                    assert!(
-                        (value - expected).abs() < 1e-12,
-                        "{count} instants, axis {axis}: {value} {expected}"
-                    );
-                }
-            }
-        }
-    }
 
     /// One look is enough where all points agree: the shortcut gives what all points would give, and nothing lies outside of
     /// the region.
