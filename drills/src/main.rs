@@ -82,11 +82,8 @@ fn sight(frames: u64, seed: u64) -> Result<bool> {
         format!("{} in {} frames", seen.false_identities, seen.frames),
         "0",
     );
-    let holds = p95_ms <= 3.0
-        && share >= 0.995
-        && seen.position_rms_m <= 0.002
-        && yaw_deg <= 0.5
-        && seen.false_identities == 0;
+    let holds =
+        p95_ms <= 3.0 && share >= 0.995 && seen.position_rms_m <= 0.002 && yaw_deg <= 0.5 && seen.false_identities == 0;
     if !holds {
         println!("a figure is not what is asked");
     }

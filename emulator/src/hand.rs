@@ -17,8 +17,11 @@ const MAX_CALLERS: usize = 16;
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Request {
-    /// Robots that are not listed are lifted off the floor.
+    /// Robots that are neither listed here nor in `keep` are lifted off the floor.
     place: Option<Vec<Placement>>,
+    /// Robots on the floor that stay where they are; for `place`.
+    #[serde(default)]
+    keep: Vec<u8>,
     fault: Option<FaultRequest>,
     camera_fault: Option<CameraFaultRequest>,
 }
@@ -112,7 +115,9 @@ fn carry_out(line: &[u8], laboratory: &mut Laboratory, cameras: &mut CameraSet) 
         return Err("neither place nor fault nor camera_fault".to_owned());
     }
     if let Some(placements) = &request.place {
-        laboratory.place(placements).map_err(|error| error.to_string())?;
+        laboratory
+            .place_some(placements, &request.keep)
+            .map_err(|error| error.to_string())?;
         tracing::info!(robots = placements.len(), "robots put on the floor");
     }
     if let Some(fault) = request.fault {

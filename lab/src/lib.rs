@@ -3,6 +3,7 @@
 //! Start reading at [`safety`] (may there be motion at all?), then [`pilot`] (one tick), [`loop_120hz`] (120 of them a second), [`run`] (one run) and
 //! [`claim`] (the life of the process). [`journal`] and [`archive`] are the record.
 
+pub mod approach;
 pub mod archive;
 mod backoff;
 pub mod camera;

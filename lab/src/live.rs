@@ -48,7 +48,7 @@ impl LivePicture {
                 .map(|(place, (number, _))| (*number, place))
                 .collect(),
             safety: BTreeMap::new(),
-            next_frame_tick: 0,
+            next_frame_tick: i64::MIN,
             stages: StageMeans::default(),
         }
     }

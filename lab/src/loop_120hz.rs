@@ -33,6 +33,15 @@ pub struct Setup {
     /// Signals from outside, read once per tick; must not block.
     pub signals: Box<dyn Fn() -> Signals + Send>,
     pub duration_ticks: i64,
+    /// Number of the first tick: 0 for the run, negative for what comes before it.
+    pub first_tick: i64,
+}
+
+/// What is left of a setup when the robots are at rest.
+pub struct LoopEnd {
+    pub result: LoopResult,
+    /// In the order of the experiment.
+    pub ports: Vec<HeldPort>,
 }
 
 /// How the loop ended.
@@ -44,7 +53,7 @@ pub struct LoopResult {
 }
 
 /// Runs to the end of the experiment, or to whatever ends it before, and until the wheels are at rest.
-pub fn run(setup: Setup) -> LoopResult {
+pub fn run(setup: Setup) -> LoopEnd {
     let Setup {
         team,
         robots,
@@ -54,14 +63,17 @@ pub fn run(setup: Setup) -> LoopResult {
         mut recorder,
         signals,
         duration_ticks,
+        first_tick,
     } = setup;
     let realtime = realtime::request();
     let start_ns = monotonic_ns() + LEAD_NS;
     let start_us = start_ns / 1000;
     let mut schedule = TickSchedule::new(start_ns);
-    let mut pilot = Pilot::new(team, robots, duration_ticks, start_us);
+    let mut pilot = Pilot::new(team, robots, duration_ticks, start_us).numbered_from(first_tick);
     let mut ports = Ports(ports);
-    recorder.push(Record::Motion(Motion { start_us, realtime }));
+    if first_tick >= 0 {
+        recorder.push(Record::Motion(Motion { start_us, realtime }));
+    }
     let mut ticks = 0;
     loop {
         let due_ns = schedule.due_ns();
@@ -79,7 +91,7 @@ pub fn run(setup: Setup) -> LoopResult {
         let ended = pilot.tick(slot, monotonic_us(), signals(), &mut ports, &mut recorder);
         schedule.done(monotonic_ns());
         recorder.push(Record::Tick(Tick {
-            tick: slot,
+            tick: first_tick + slot,
             due_us: woke_us - late_ns / 1000,
             woke_us,
             done_us: monotonic_us(),
@@ -87,10 +99,10 @@ pub fn run(setup: Setup) -> LoopResult {
             exposure_us: pilot.newest_exposure_us(),
         }));
         if let Some(ending) = ended {
-            return LoopResult {
-                ending,
-                ticks,
-                missed: schedule.missed(),
+            let missed = schedule.missed();
+            return LoopEnd {
+                result: LoopResult { ending, ticks, missed },
+                ports: ports.0,
             };
         }
     }

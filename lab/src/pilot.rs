@@ -79,6 +79,8 @@ pub struct Pilot {
     /// In the order of the experiment.
     robots: Vec<PilotRobot>,
     duration_ticks: i64,
+    /// Added to the number of a tick in the records.
+    first_tick: i64,
     safety: Safety,
     health: Vec<RobotHealth>,
     observations: Vec<RobotObservation>,
@@ -99,12 +101,20 @@ impl Pilot {
             team,
             robots,
             duration_ticks,
+            first_tick: 0,
             safety: Safety::default(),
             health: Vec::with_capacity(count),
             observations: Vec::with_capacity(count),
             stopping_since: None,
             holding: false,
         }
+    }
+
+    /// Numbers the ticks of the records from here instead of 0.
+    #[must_use]
+    pub fn numbered_from(mut self, first_tick: i64) -> Self {
+        self.first_tick = first_tick;
+        self
     }
 
     /// In the order of the experiment.
@@ -249,7 +259,7 @@ impl Pilot {
         let robots = self.robots.iter().zip(outputs).zip(&self.health);
         for (place, ((robot, output), health)) in robots.enumerate() {
             let sent = outlet.drive(place, &output.safe, link_tick(slot));
-            let record = command_record(robot.number, slot, &sent, Some(output), health);
+            let record = command_record(robot.number, self.first_tick + slot, &sent, Some(output), health);
             sink.push(Record::Command(record));
         }
         // After the frames: nothing here is as urgent as they are.
@@ -257,7 +267,7 @@ impl Pilot {
             if let Some(intervention) = &output.intervention {
                 let (kind, cause, other) = explain(&intervention.cause, &self.robots);
                 sink.push(Record::Intervention(Intervention {
-                    tick: slot,
+                    tick: self.first_tick + slot,
                     at_us: now_us,
                     robot: robot.number,
                     kind,
@@ -273,7 +283,13 @@ impl Pilot {
     fn rest(&mut self, slot: i64, still: Still, outlet: &mut impl Outlet, sink: &mut impl Sink) {
         for (place, (robot, health)) in self.robots.iter().zip(&self.health).enumerate() {
             let sent = outlet.still(place, still, link_tick(slot));
-            sink.push(Record::Command(command_record(robot.number, slot, &sent, None, health)));
+            sink.push(Record::Command(command_record(
+                robot.number,
+                self.first_tick + slot,
+                &sent,
+                None,
+                health,
+            )));
         }
         // The team must not believe that its last command is still being followed.
         self.team.stop();

@@ -7,7 +7,7 @@ use crate::lab::{Activity, Lab};
 use crate::lease::{Heart, Lease};
 use crate::link::HeldPort;
 use crate::live::LivePicture;
-use crate::loop_120hz::{self, LoopResult, Setup};
+use crate::loop_120hz::{self, LoopEnd, LoopResult, Setup};
 use crate::pilot::PilotRobot;
 use crate::prepare::{self, Keeper};
 use crate::record::{End, LogLevel, Record, Start};
@@ -19,7 +19,7 @@ use crate::sleep_probe::SleepProbe;
 use api::lab::{Assignment, Heartbeat, StateReport};
 use api::run::{Fault, RunState, Whose};
 use chrono::Utc;
-use control::scenario::Scenario;
+use control::scenario::{FieldProblem, Scenario};
 use control::team::Team;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, PoisonError};
@@ -148,20 +148,12 @@ async fn try_attempt(
     lease: &Arc<Lease>,
     recorder: &RecorderHandle,
 ) -> Result<Conclusion, Conclusion> {
-    let (team, limits) = team(assignment)?;
+    let scenario = scenario(assignment)?;
+    let team = Team::new(&scenario).map_err(refused)?;
     let ports = take_ports(lab, assignment)?;
-    let keeper = Keeper::start(lab.clone(), ports).map_err(|error| {
-        Conclusion::failed(
-            Whose::Platform,
-            "thread_refused",
-            format!("A thread cannot be started: {error}."),
-        )
-    })?;
-    let prepared = prepare::prepare(lab, assignment, lease, recorder).await;
-    let running = match prepared {
-        Ok(()) => report_running(lab, assignment, lease).await,
-        Err(conclusion) => Err(conclusion),
-    };
+    let ports = prepare::prepare(lab, assignment, lease, recorder, ports).await?;
+    let keeper = keep(lab, ports)?;
+    let running = report_running(lab, assignment, lease).await;
     // The keeper holds the robots still up to here; the loop takes over within milliseconds.
     let poses = lab.localisation.listen();
     let telemetry = lab.link.listen();
@@ -173,13 +165,14 @@ async fn try_attempt(
     }));
     let setup = Setup {
         team,
-        robots: pilot_robots(lab, &ports, &limits)?,
+        robots: pilot_robots(lab, &ports, &limits(assignment)?)?,
         ports,
         poses,
         telemetry,
         recorder: recorder.clone(),
         signals: signals(lab, lease, recorder),
         duration_ticks: (assignment.experiment.duration_s * TICK_HZ as f64).round() as i64,
+        first_tick: 0,
     };
     recorder.log(
         LogLevel::Info,
@@ -195,7 +188,7 @@ async fn try_attempt(
         .iter()
         .map(|robot| robot.name.clone())
         .collect();
-    let result = run_loop(setup).await?;
+    let LoopEnd { result, .. } = run_loop(setup).await?;
     drop(probe);
     let LoopResult { ending, ticks, missed } = result;
     recorder.log(
@@ -205,28 +198,43 @@ async fn try_attempt(
     Ok(Conclusion::of(ending, &names))
 }
 
-/// Control and motion limits of each robot.
-fn team(assignment: &Assignment) -> Result<(Team, Vec<RobotLimits>), Conclusion> {
-    let refused = |message: String| Conclusion::failed(Whose::Platform, "experiment_refused", message);
-    let scenario = serde_json::json!({
+fn refused(problems: Vec<FieldProblem>) -> Conclusion {
+    let first = problems.into_iter().next();
+    let problem = first.map(|problem| format!("{}: {}", problem.field, problem.message));
+    Conclusion::failed(
+        Whose::Platform,
+        "experiment_refused",
+        format!(
+            "The laboratory cannot run this experiment: {}.",
+            problem.unwrap_or_default()
+        ),
+    )
+}
+
+fn scenario(assignment: &Assignment) -> Result<Scenario, Conclusion> {
+    let document = serde_json::json!({
         "experiment": assignment.experiment,
         "robots": assignment.robots,
         "arena": assignment.arena,
     });
-    let first = |problems: Vec<control::scenario::FieldProblem>| {
-        let problem = problems
-            .into_iter()
-            .next()
-            .map(|problem| format!("{}: {}", problem.field, problem.message));
-        refused(format!(
-            "The laboratory cannot run this experiment: {}.",
-            problem.unwrap_or_default()
-        ))
-    };
-    let scenario = Scenario::from_json(&scenario.to_string()).map_err(first)?;
-    let robots = control::team::robots(&scenario).map_err(first)?;
-    let limits = robots.iter().map(RobotLimits::of).collect();
-    Ok((Team::new(&scenario).map_err(first)?, limits))
+    Scenario::from_json(&document.to_string()).map_err(refused)
+}
+
+/// Motion limits of each robot.
+pub(crate) fn limits(assignment: &Assignment) -> Result<Vec<RobotLimits>, Conclusion> {
+    let robots = control::team::robots(&scenario(assignment)?).map_err(refused)?;
+    Ok(robots.iter().map(RobotLimits::of).collect())
+}
+
+/// Robots stand still and stay awake until something else takes over.
+pub(crate) fn keep(lab: &Arc<Lab>, ports: Vec<HeldPort>) -> Result<Keeper, Conclusion> {
+    Keeper::start(lab.clone(), ports).map_err(|error| {
+        Conclusion::failed(
+            Whose::Platform,
+            "thread_refused",
+            format!("A thread cannot be started: {error}."),
+        )
+    })
 }
 
 /// The right to send to all robots of the run, under its epoch.
@@ -278,7 +286,11 @@ async fn report_running(lab: &Lab, assignment: &Assignment, lease: &Lease) -> Re
     }
 }
 
-fn pilot_robots(lab: &Lab, ports: &[HeldPort], limits: &[RobotLimits]) -> Result<Vec<PilotRobot>, Conclusion> {
+pub(crate) fn pilot_robots(
+    lab: &Lab,
+    ports: &[HeldPort],
+    limits: &[RobotLimits],
+) -> Result<Vec<PilotRobot>, Conclusion> {
     let gone = || {
         Conclusion::failed(
             Whose::Platform,
@@ -313,7 +325,11 @@ fn pilot_robots(lab: &Lab, ports: &[HeldPort], limits: &[RobotLimits]) -> Result
     made.collect::<Option<_>>().ok_or_else(gone)
 }
 
-fn signals(lab: &Arc<Lab>, lease: &Arc<Lease>, recorder: &RecorderHandle) -> Box<dyn Fn() -> Signals + Send> {
+pub(crate) fn signals(
+    lab: &Arc<Lab>,
+    lease: &Arc<Lease>,
+    recorder: &RecorderHandle,
+) -> Box<dyn Fn() -> Signals + Send> {
     let (lab, lease, recorder) = (lab.clone(), lease.clone(), recorder.clone());
     Box::new(move || Signals {
         protective_stop: lab.latch.is_pressed(),
@@ -325,7 +341,7 @@ fn signals(lab: &Arc<Lab>, lease: &Arc<Lease>, recorder: &RecorderHandle) -> Box
     })
 }
 
-async fn run_loop(setup: Setup) -> Result<LoopResult, Conclusion> {
+pub(crate) async fn run_loop(setup: Setup) -> Result<LoopEnd, Conclusion> {
     let failed = |message: String| Conclusion::failed(Whose::Platform, "loop_failed", message);
     let (done, result) = tokio::sync::oneshot::channel();
     std::thread::Builder::new()

@@ -54,8 +54,6 @@ fn write_files(journal_folder: &Path, folder: &Path) -> Result<Manifest, Archive
     };
     let mut files = Files::create(folder, &start)?;
     let mut end = None;
-    // Nothing but the log stands between the start and the motion.
-    let mut prelude = vec![];
     for record in journal.by_ref() {
         if files.tables.is_empty() {
             let start_us = match &record {
@@ -63,24 +61,20 @@ fn write_files(journal_folder: &Path, folder: &Path) -> Result<Manifest, Archive
                 Record::End(_) => Some(start.at_us),
                 _ => None,
             };
-            prelude.push(record.clone());
-            let Some(start_us) = start_us else { continue };
+            let Some(start_us) = start_us else {
+                // Robots on their way to their starts.
+                files.take_before(&record)?;
+                continue;
+            };
             files.open_tables(&start, start_us)?;
-            for record in prelude.drain(..) {
-                files.take(&record)?;
-            }
-        } else {
-            files.take(&record)?;
         }
+        files.take(&record)?;
         if let Record::End(record) = record {
             end = Some(record);
         }
     }
     if files.tables.is_empty() {
         files.open_tables(&start, start.at_us)?;
-        for record in prelude {
-            files.take(&record)?;
-        }
     }
     let whole = !journal.torn() && journal.unreadable() == 0;
     files.finish(&start, end.as_deref(), whole)
@@ -150,6 +144,24 @@ impl Files {
         Ok(())
     }
 
+    /// Takes a record from before the start: it counts for `run.mcap` and the log, not for the run's figures and tables.
+    fn take_before(&mut self, record: &Record) -> Result<(), ArchiveError> {
+        self.mcap.take(record)?;
+        self.take_log(record)
+    }
+
+    fn take_log(&mut self, record: &Record) -> Result<(), ArchiveError> {
+        if let Record::Log(line) = record {
+            let level = match line.level {
+                LogLevel::Info => "info",
+                LogLevel::Warning => "warning",
+                LogLevel::Error => "error",
+            };
+            writeln!(self.log, "{} {level} {}", self.wall_text(line.at_us), line.message)?;
+        }
+        Ok(())
+    }
+
     fn take(&mut self, record: &Record) -> Result<(), ArchiveError> {
         self.punctuality.take(record);
         self.stages.take(record);
@@ -160,15 +172,7 @@ impl Files {
         if let Some(track) = &mut self.track {
             track.take(record);
         }
-        if let Record::Log(line) = record {
-            let level = match line.level {
-                LogLevel::Info => "info",
-                LogLevel::Warning => "warning",
-                LogLevel::Error => "error",
-            };
-            writeln!(self.log, "{} {level} {}", self.wall_text(line.at_us), line.message)?;
-        }
-        Ok(())
+        self.take_log(record)
     }
 
     fn wall_text(&self, at_us: i64) -> String {
