@@ -30,6 +30,8 @@ const PUSHED_M_PER_S: f64 = 1e-4;
 const MAX_ROUNDS: u32 = 4;
 /// Rows may be missed by this after the last transform; more stops the robots.
 const MISSED_M_PER_S: f64 = 1e-6;
+/// Turns on their way that are smaller do not count.
+const TURNED_RAD: f64 = 0.02;
 /// A robot that cannot move sideways turns towards its way round this fast and drives when it points this well.
 const DETOUR_TURN_RAD_PER_S: f64 = 1.5;
 const DETOUR_POINTING_RAD: f64 = 0.5;
@@ -61,7 +63,6 @@ pub struct SafetyFilter {
     missed_ticks: u32,
     filtered: Vec<Filtered>,
     // Workspace of one tick.
-    yaw_rad: Vec<f64>,
     desired: Vec<Numbers>,
     numbers: Vec<Numbers>,
     stops: Vec<Option<Cause>>,
@@ -130,7 +131,6 @@ impl SafetyFilter {
             active_keys: Vec::with_capacity(rows),
             missed_ticks: 0,
             filtered: vec![stopped; n],
-            yaw_rad: vec![0.0; n],
             desired: vec![[0.0; 3]; n],
             numbers: vec![[0.0; 3]; n],
             stops: vec![None; n],
@@ -328,8 +328,13 @@ impl SafetyFilter {
         place.pending_m = pending_m;
         let body_velocity = [seen.twist.forward_m_per_s, seen.twist.left_m_per_s];
         let known = body_velocity[0].is_finite() && body_velocity[1].is_finite();
-        self.yaw_rad[i] = seen.pose.yaw_rad + turned_rad;
-        place.heading = heading(self.yaw_rad[i]);
+        place.heading = heading(seen.pose.yaw_rad);
+        place.turns = turned_rad.abs() > TURNED_RAD;
+        place.later = if place.turns {
+            heading(seen.pose.yaw_rad + turned_rad)
+        } else {
+            place.heading
+        };
         place.velocity = if known {
             clip(
                 world_from_body(body_velocity, seen.pose.yaw_rad),
@@ -371,7 +376,7 @@ impl SafetyFilter {
 
     /// Body twist for a velocity in the world.
     fn driven(&self, i: usize, velocity: Vector) -> BodyTwist {
-        let body = self.places[i].body_from_world(velocity);
+        let body = self.places[i].body_from_world(velocity, true);
         match self.chassis[i].motion {
             Motion::Holonomic => BodyTwist {
                 forward_m_per_s: body[0],
@@ -591,7 +596,6 @@ impl SafetyFilter {
     /// approach may not exceed what is left of the row and half of what the gap allows. Turning away is never limited,
     /// and a smaller yaw rate keeps every other row: those of the wheels hold without turning as well.
     fn steady_turns(&mut self) {
-        let swing_s = listing::swing_s(&self.limits);
         for at in 0..self.listing.shared {
             let row = &self.listing.rows[at];
             let left_over = (row.value(&self.numbers) - row.bound).max(0.0) * row.scale;
@@ -606,6 +610,7 @@ impl SafetyFilter {
                 {
                     continue;
                 }
+                let swing_s = listing::swing_s(&self.places[i], &self.limits);
                 let velocity = self.velocity(i);
                 let yaw_rate = self.chassis[i]
                     .twist(self.numbers[i], self.curvature[i])

@@ -3,7 +3,7 @@
 use super::Limits;
 use super::chassis::{Chassis, Motion, Numbers, OWN_ROWS};
 use super::intervention::WallSide;
-use super::margin::{Place, approach_m_per_s, bound_against, lost_m, reach_m};
+use super::margin::{Place, approach_m_per_s, bound_against, forbidden, lost_m, reach_m};
 use super::rows::{NOBODY, Row, Source};
 use super::surroundings::{Body, Geofence};
 use crate::TICK_S;
@@ -45,13 +45,14 @@ const FENCE: u64 = 2 << 60;
 const OBSTACLES: u64 = 3 << 60;
 const OWN: u64 = 4 << 60;
 
-fn key(kind: u64, robot: usize, item: usize) -> u64 {
-    kind | (robot as u64) << 28 | item as u64
+/// `later`: for the heading after the turns that are on their way.
+fn key(kind: u64, robot: usize, item: usize, later: bool) -> u64 {
+    kind | (robot as u64) << 28 | (item as u64) << 2 | u64::from(later)
 }
 
-/// For how long a velocity may turn with the body before the next command bends it back.
-pub fn swing_s(limits: &Limits) -> f64 {
-    limits.hold_s + 2.0 * TICK_S
+/// For how long a velocity may turn with the body before a command of the next tick bends it back.
+pub fn swing_s(place: &Place, limits: &Limits) -> f64 {
+    place.reaction_s + limits.hold_s + TICK_S
 }
 
 impl Listing {
@@ -83,7 +84,7 @@ impl Listing {
             let first = self.rows.len();
             if robots.places[i].movable {
                 robots.chassis[i].own_rows(i as u32, robots.desired[i], robots.curvature[i], &mut |row: Row| {
-                    let key = key(OWN, i, self.rows.len() - first);
+                    let key = key(OWN, i, self.rows.len() - first, false);
                     self.rows.extend(Row { key, ..row }.normalised());
                 });
             }
@@ -94,8 +95,8 @@ impl Listing {
 
 fn capacity(robots: usize, scene: &Scene) -> usize {
     let fence = scene.fence.as_ref().map_or(0, Geofence::sides);
-    let each = 4 + fence + scene.bodies.len().min(MAX_OBSTACLES) + OWN_ROWS;
-    robots * robots.saturating_sub(1) / 2 + robots * each
+    let each = 4 * (4 + fence + scene.bodies.len().min(MAX_OBSTACLES)) + OWN_ROWS;
+    2 * robots * robots.saturating_sub(1) + robots * each
 }
 
 /// True when more obstacles are within reach than are looked at.
@@ -151,20 +152,21 @@ fn pairs(robots: &Robots, limits: &Limits, rows: &mut Vec<Row>) {
             let far = reach + share_b + a.radius_m + farthest_lost_m(a, limits);
             let square = dot(line, line);
             if square < far * far {
-                rows.extend(pair([i, j], line, square.sqrt(), robots, limits));
+                pair([i, j], line, square.sqrt(), robots, limits, rows);
             }
         }
     }
 }
 
-fn pair([i, j]: [usize; 2], line: Vector, distance_m: f64, robots: &Robots, limits: &Limits) -> Option<Row> {
+fn pair([i, j]: [usize; 2], line: Vector, distance_m: f64, robots: &Robots, limits: &Limits, rows: &mut Vec<Row>) {
     let (a, b) = (&robots.places[i], &robots.places[j]);
     if distance_m < COINCIDENT_M {
-        return None;
+        return;
     }
     let n = scale(line, 1.0 / distance_m);
     let free_m = distance_m - a.radius_m - b.radius_m - limits.robot_margin_m - 2.0 * limits.pose_error_m;
-    let approach = approach_m_per_s(free_m - lost_m(a, b, n, limits), limits);
+    let gap_m = free_m - lost_m(a, b, n, limits);
+    let approach = approach_m_per_s(gap_m, limits);
     let back = scale(n, -1.0);
     let bound = match (a.movable, b.movable) {
         (true, true) => -approach,
@@ -172,23 +174,29 @@ fn pair([i, j]: [usize; 2], line: Vector, distance_m: f64, robots: &Robots, limi
         (false, _) => bound_against(approach, coming(a, back)),
     };
     if bound < -2.0 * limits.speed_m_per_s {
-        return None;
+        return;
     }
-    let part = |k: usize, n: Vector| {
+    let part = |k: usize, n: Vector, later: bool| {
         if robots.places[k].movable {
-            gradient(k, n, robots, limits)
+            gradient(k, n, later, robots, limits)
         } else {
             [0.0; 3]
         }
     };
-    Row {
-        key: key(0, j, i),
-        robots: [i as u32, j as u32],
-        gradient: [part(i, n), part(j, back)],
-        normal: n,
-        ..Row::own(i as u32, Source::Robot, [0.0; 3], bound)
+    let turns = (a.movable && a.turns) || (b.movable && b.turns);
+    let (normals, count) = if bound > 0.0 { ([n, n], 1) } else { forbidden(gap_m, n) };
+    for (side, normal) in normals.into_iter().take(count).enumerate() {
+        for later in [false, true].into_iter().take(1 + usize::from(turns)) {
+            let row = Row {
+                key: key(0, j, i, later) | (side as u64) << 1,
+                robots: [i as u32, j as u32],
+                gradient: [part(i, normal, later), part(j, scale(normal, -1.0), later)],
+                normal,
+                ..Row::own(i as u32, Source::Robot, [0.0; 3], bound)
+            };
+            rows.extend(row.normalised());
+        }
     }
-    .normalised()
 }
 
 /// How fast something that is not steered moves along `n`.
@@ -199,17 +207,17 @@ fn coming(place: &Place, n: Vector) -> f64 {
 /// Gradient of the velocity along `n` of one robot.
 ///
 /// A steered robot keeps its arc: of the directions it has before it can be told otherwise, the one that approaches most.
-fn gradient(i: usize, n: Vector, robots: &Robots, limits: &Limits) -> Numbers {
+fn gradient(i: usize, n: Vector, later: bool, robots: &Robots, limits: &Limits) -> Numbers {
     let (place, chassis, curvature) = (&robots.places[i], &robots.chassis[i], robots.curvature[i]);
-    let now = chassis.gradient(place.body_from_world(n), curvature);
+    let now = chassis.gradient(place.body_from_world(n, later), curvature);
     let speed = robots.desired[i][0];
     if !matches!(chassis.motion, Motion::Steered { .. }) || speed == 0.0 || curvature == 0.0 {
         return now;
     }
-    let [c, s] = heading(curvature * speed * swing_s(limits));
-    let [x, y] = place.body_from_world(n);
-    let later = chassis.gradient([c * x + s * y, c * y - s * x], curvature);
-    if later[0] * speed < now[0] * speed { later } else { now }
+    let [c, s] = heading(curvature * speed * swing_s(place, limits));
+    let [x, y] = place.body_from_world(n, later);
+    let swung = chassis.gradient([c * x + s * y, c * y - s * x], curvature);
+    if swung[0] * speed < now[0] * speed { swung } else { now }
 }
 
 /// Adds the row of robot `i` against something at `distance_m` of its centre, unless it is out of reach.
@@ -223,7 +231,8 @@ fn against(
     coming_m_per_s: f64,
     robots: &Robots,
     limits: &Limits,
-) -> Option<Row> {
+    rows: &mut Vec<Row>,
+) {
     let place = &robots.places[i];
     let free_m = distance_m - place.radius_m - limits.wall_margin_m - limits.pose_error_m;
     let other = Place {
@@ -233,13 +242,19 @@ fn against(
         reaction_s: if coming_m_per_s == 0.0 { 0.0 } else { place.reaction_s },
         ..Place::STILL
     };
-    let approach = approach_m_per_s(free_m - lost_m(place, &other, n, limits), limits);
-    let bound = bound_against(approach, coming_m_per_s);
+    let gap_m = free_m - lost_m(place, &other, n, limits);
+    let bound = bound_against(approach_m_per_s(gap_m, limits), coming_m_per_s);
     if bound < -limits.speed_m_per_s {
-        return None;
+        return;
     }
-    let row = Row::own(i as u32, source, gradient(i, n, robots, limits), bound);
-    Row { key, normal: n, ..row }.normalised()
+    let (normals, count) = if bound > 0.0 { ([n, n], 1) } else { forbidden(gap_m, n) };
+    for (side, normal) in normals.into_iter().take(count).enumerate() {
+        for later in [false, true].into_iter().take(1 + usize::from(place.turns)) {
+            let row = Row::own(i as u32, source, gradient(i, normal, later, robots, limits), bound);
+            let key = key | (side as u64) << 1 | u64::from(later);
+            rows.extend(Row { key, normal, ..row }.normalised());
+        }
+    }
 }
 
 fn walls(i: usize, at: Vector, robots: &Robots, scene: &Scene, limits: &Limits, rows: &mut Vec<Row>) {
@@ -251,16 +266,17 @@ fn walls(i: usize, at: Vector, robots: &Robots, scene: &Scene, limits: &Limits, 
         (WallSide::Top, [0.0, -1.0], half[1] - at[1]),
     ];
     for (item, (side, n, distance_m)) in all.into_iter().enumerate() {
-        rows.extend(against(
+        against(
             i,
-            key(WALLS, i, item),
+            key(WALLS, i, item, false),
             Source::Wall(side),
             distance_m,
             n,
             0.0,
             robots,
             limits,
-        ));
+            rows,
+        );
     }
 }
 
@@ -273,32 +289,34 @@ fn sides(i: usize, at: Vector, robots: &Robots, fence: &Geofence, limits: &Limit
             .max_by(|a, b| a.1.0.total_cmp(&b.1.0));
         if let Some((side, (distance_m, n))) = nearest {
             let source = Source::Fence(side as u32);
-            rows.extend(against(
+            against(
                 i,
-                key(FENCE, i, side),
+                key(FENCE, i, side, false),
                 source,
                 distance_m,
                 n,
                 0.0,
                 robots,
                 limits,
-            ));
+                rows,
+            );
         }
         return;
     }
     for side in 0..fence.sides() {
         let (distance_m, n) = fence.clearance(side, at, true);
         let source = Source::Fence(side as u32);
-        rows.extend(against(
+        against(
             i,
-            key(FENCE, i, side),
+            key(FENCE, i, side, false),
             source,
             distance_m,
             n,
             0.0,
             robots,
             limits,
-        ));
+            rows,
+        );
     }
 }
 
@@ -315,16 +333,17 @@ fn obstacles(i: usize, at: Vector, robots: &Robots, scene: &Scene, limits: &Limi
             pushable: body.pushable,
             index: body.index,
         };
-        rows.extend(against(
+        against(
             i,
-            key(OBSTACLES, i, item),
+            key(OBSTACLES, i, item, false),
             source,
             distance_m,
             n,
             coming_m_per_s,
             robots,
             limits,
-        ));
+            rows,
+        );
     }
 }
 

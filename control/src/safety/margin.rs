@@ -28,8 +28,11 @@ pub struct Place {
     pub pending_m: Vector,
     /// `T`: age of the pose and latency.
     pub reaction_s: f64,
-    /// Direction of the body's x when a command of now takes effect.
+    /// Direction of the body's x, as measured, and after the turns that are on their way.
     pub heading: Vector,
+    pub later: Vector,
+    /// The two headings differ by more than rounding.
+    pub turns: bool,
 }
 
 impl Place {
@@ -43,6 +46,8 @@ impl Place {
         pending_m: [0.0, 0.0],
         reaction_s: 0.0,
         heading: [1.0, 0.0],
+        later: [1.0, 0.0],
+        turns: false,
     };
 
     /// Fastest motion along `-n`, measured or commanded.
@@ -50,15 +55,15 @@ impl Place {
         (-dot(n, self.velocity)).max(-dot(n, self.commanded)).max(0.0)
     }
 
-    /// A direction of the world in the body frame.
-    pub fn body_from_world(&self, n: Vector) -> Vector {
-        let [c, s] = self.heading;
+    /// A direction of the world in the body frame, now or later.
+    pub fn body_from_world(&self, n: Vector, later: bool) -> Vector {
+        let [c, s] = if later { self.later } else { self.heading };
         [c * n[0] + s * n[1], c * n[1] - s * n[0]]
     }
 
-    /// A vector of the body frame in the world.
+    /// A vector of the body frame in the world, when a command of now takes effect.
     pub fn world_from_body(&self, a: Vector) -> Vector {
-        let [c, s] = self.heading;
+        let [c, s] = self.later;
         [c * a[0] - s * a[1], s * a[0] + c * a[1]]
     }
 }
@@ -70,6 +75,24 @@ pub fn approach_m_per_s(gap_m: f64, limits: &Limits) -> f64 {
     } else {
         0.0
     }
+}
+
+/// Depth in the margin at which a robot may move no closer to the tangent than 45 degrees.
+const STEEP_M: f64 = 0.02;
+
+/// Directions that a velocity must not go against at a gap `s` along `n`: `n`, or inside the margin `n -+ beta t`.
+///
+/// In continuous time `n` would do. With delays, sliding along something drifts towards it by a little every time, and a
+/// row that only forbids approach never gives that back. Inside the margin `beta = -s / STEEP_M`, at most 1: sliding on
+/// takes moving away. Standing still remains allowed, so that nothing is pushed out of a start pose.
+pub fn forbidden(gap_m: f64, n: Vector) -> ([Vector; 2], usize) {
+    if gap_m >= 0.0 {
+        return ([n, n], 1);
+    }
+    let beta = (-gap_m / STEEP_M).min(1.0);
+    let size = (1.0 + beta * beta).sqrt();
+    let lean = |beta: f64| [(n[0] - beta * n[1]) / size, (n[1] + beta * n[0]) / size];
+    ([lean(beta), lean(-beta)], 2)
 }
 
 /// Gap from which the approach is `speed_m_per_s`: inverse of [`approach_m_per_s`].

@@ -83,7 +83,7 @@ impl Solver {
     pub fn solve(&mut self, group: &Group, rows: &mut [Row], desired: &[Numbers], x: &mut [Numbers]) -> Outcome {
         self.warm(group, rows, desired);
         self.place(group, rows, desired, x);
-        let most_steps = 40 + 12 * group.robots.len() as u32;
+        let most_steps = 100 + 20 * group.robots.len() as u32;
         let outcome = loop {
             let Some(row) = most_violated(group, rows, x) else {
                 break Outcome::Solved;
