@@ -30,6 +30,8 @@ const PUSHED_M_PER_S: f64 = 1e-4;
 const MAX_ROUNDS: u32 = 4;
 /// Rows may be missed by this after the last transform; more stops the robots.
 const MISSED_M_PER_S: f64 = 1e-6;
+/// A swing below this is rounding or no harm.
+const SWUNG_M_PER_S: f64 = 1e-3;
 /// Turns on their way that are smaller do not count.
 const TURNED_RAD: f64 = 0.02;
 /// A robot that cannot move sideways turns towards its way round this fast and drives when it points this well.
@@ -592,36 +594,55 @@ impl SafetyFilter {
 
     /// Limits yaw rates where turning would swing a velocity into something before the next commands arrive.
     ///
-    /// A command is a twist in the body frame; after the time t it points r t further round. What this adds to the
-    /// approach may not exceed what is left of the row and half of what the gap allows. Turning away is never limited,
-    /// and a smaller yaw rate keeps every other row: those of the wheels hold without turning as well.
+    /// A command is a twist in the body frame; after the time t it points r t further round, and so does what the
+    /// robot still has of earlier commands: a robot that is told to stop and to turn coasts round a bend. What this
+    /// adds to the approach may not exceed what is left of the row and half of what the gap allows. Turning away is
+    /// never limited, and a smaller yaw rate keeps every other row: those of the wheels hold without turning as well.
     fn steady_turns(&mut self) {
         for at in 0..self.listing.shared {
             let row = &self.listing.rows[at];
+            let share = if listing::is_single(row) { 1.0 } else { 0.5 };
             let left_over = (row.value(&self.numbers) - row.bound).max(0.0) * row.scale;
-            let single = listing::is_single(row);
-            let allowed = (left_over + 0.5 * (-row.bound * row.scale).max(0.0)) * if single { 1.0 } else { 0.5 };
+            let gap_allows = 0.5 * (-row.bound * row.scale).max(0.0);
             let (robots, normal) = (row.robots, row.normal);
             for (robot, sign) in robots.into_iter().zip([1.0, -1.0]) {
                 let i = robot as usize;
-                if robot == NOBODY
-                    || !self.places[i].movable
-                    || matches!(self.chassis[i].motion, Motion::Steered { .. })
+                if robot != NOBODY
+                    && self.places[i].movable
+                    && !matches!(self.chassis[i].motion, Motion::Steered { .. })
                 {
-                    continue;
-                }
-                let swing_s = listing::swing_s(&self.places[i], &self.limits);
-                let velocity = self.velocity(i);
-                let yaw_rate = self.chassis[i]
-                    .twist(self.numbers[i], self.curvature[i])
-                    .yaw_rate_rad_per_s;
-                let bend = sign * dot(normal, scale(right_of(velocity), -1.0)) * yaw_rate * swing_s;
-                if bend < -allowed {
-                    let slower = self.chassis[i].turning(self.numbers[i], allowed / -bend);
-                    self.swung[i] |= yaw_rate.abs() * (1.0 - allowed / -bend) > RECORDED_RAD_PER_S;
-                    self.numbers[i] = slower;
+                    self.steady_turn(i, scale(normal, sign), share * left_over, share * gap_allows);
                 }
             }
+        }
+    }
+
+    fn steady_turn(&mut self, i: usize, normal: Vector, left_over: f64, gap_allows: f64) {
+        let place = &self.places[i];
+        let yaw_rate = self.chassis[i]
+            .twist(self.numbers[i], self.curvature[i])
+            .yaw_rate_rad_per_s;
+        let angle = yaw_rate * listing::swing_s(place, &self.limits);
+        let (chosen, measured) = (self.velocity(i), place.velocity);
+        // What the measurement may be wrong by does not count.
+        let surely = (1.0 - self.limits.tracking_m_per_s / length(measured).max(1e-9)).max(0.0);
+        let coasting = scale(measured, surely);
+        let rises = |velocity: Vector| dot(normal, velocity).max(0.0);
+        let mut factor = 1.0_f64;
+        for (velocity, left_over) in [
+            (chosen, left_over),
+            (coasting, rises(coasting)),
+            (place.commanded, rises(place.commanded)),
+        ] {
+            let bend = dot(normal, scale(right_of(velocity), -1.0)) * angle;
+            let allowed = left_over + gap_allows + SWUNG_M_PER_S;
+            if bend < -allowed {
+                factor = factor.min(allowed / -bend);
+            }
+        }
+        if factor < 1.0 {
+            self.swung[i] |= yaw_rate.abs() * (1.0 - factor) > RECORDED_RAD_PER_S;
+            self.numbers[i] = self.chassis[i].turning(self.numbers[i], factor);
         }
     }
 

@@ -122,7 +122,7 @@ fn permuted_and_mirrored_teams_get_permuted_and_mirrored_commands() {
         let wanted_permuted: Vec<_> = order.iter().map(|i| wanted[*i]).collect();
         for (filtered, i) in permuted.apply(&robots_permuted, &wanted_permuted).iter().zip(&order) {
             let off = apart(&filtered.command.twist(), &plain[*i].command.twist());
-            assert!(off < 1e-6, "{round}: {off}");
+            assert!(off < 1e-6, "{round} {n} robot {i}: {off} {filtered:?} {:?}", plain[*i]);
         }
         let mirror = |t: &BodyTwist| twist(t.forward_m_per_s, -t.left_m_per_s, -t.yaw_rate_rad_per_s);
         let mirrored: Vec<_> = robots
@@ -141,7 +141,7 @@ fn permuted_and_mirrored_teams_get_permuted_and_mirrored_commands() {
         let mut other = filter(&kinds);
         for (filtered, plain) in other.apply(&mirrored, &wanted_mirrored).iter().zip(&plain) {
             let off = apart(&mirror(&filtered.command.twist()), &plain.command.twist());
-            assert!(off < 1e-6, "{round}: {off}");
+            assert!(off < 1e-6, "{round}: {off} {filtered:?} {plain:?}");
         }
     }
     assert!(acted > 1000, "{acted}");
@@ -306,15 +306,28 @@ fn nothing_is_clipped_after_the_filter() {
                 assert!(largest <= limit * (1.0 + 1e-6), "{largest} {limit}");
                 at_limit += u32::from(largest > limit * (1.0 - 1e-6));
                 assert!(wheels.steering_rad.abs() <= robot.max_steering_rad());
-                let back = robot.twist_of_wheels(&wheels);
-                assert!(
-                    (back.forward_m_per_s - twist.forward_m_per_s).abs() < 1e-9,
-                    "{back:?} {twist:?}"
-                );
-                assert!(
-                    (back.yaw_rate_rad_per_s - twist.yaw_rate_rad_per_s).abs() < 1e-9,
-                    "{back:?} {twist:?}"
-                );
+                if robot.max_steering_rad() > 0.0 {
+                    // The arc of the steering angle, wheelbase 0.24 m, is the twist's.
+                    let yaw_rate = twist.forward_m_per_s * libm::tan(wheels.steering_rad) / 0.24;
+                    assert!(
+                        (yaw_rate - twist.yaw_rate_rad_per_s).abs() < 1e-9,
+                        "{yaw_rate} {twist:?}"
+                    );
+                } else {
+                    let back = robot.twist_of_wheels(&wheels);
+                    assert!(
+                        (back.forward_m_per_s - twist.forward_m_per_s).abs() < 1e-9,
+                        "{back:?} {twist:?}"
+                    );
+                    assert!(
+                        (back.left_m_per_s - twist.left_m_per_s).abs() < 1e-9,
+                        "{back:?} {twist:?}"
+                    );
+                    assert!(
+                        (back.yaw_rate_rad_per_s - twist.yaw_rate_rad_per_s).abs() < 1e-9,
+                        "{back:?} {twist:?}"
+                    );
+                }
                 assert!(twist.yaw_rate_rad_per_s.abs() <= Limits::default().yaw_rate_rad_per_s + 1e-9);
             }
         }
