@@ -460,7 +460,7 @@ fn swaps_that_block_themselves_are_resolved_without_getting_closer() {
     println!(
         "{resolved} of {runs} resolved, {held} were held; smallest gap {smallest_m:.4} m; failed (seed, robots, attempts) {failed:?}"
     );
-    assert!(resolved * 100 >= runs * 95 && held > 0);
+    assert!(resolved * 100 >= runs * 95 && held > 0, "{resolved}");
     assert!(smallest_m > Limits::default().robot_margin_m, "{smallest_m}");
 }
 

@@ -2,8 +2,8 @@
 //!
 //! A robot is held while a row against another robot acts on it and it makes next to no progress where it wants to go.
 //! After [`Limits::deadlock_after_s`](super::Limits::deadlock_after_s) the robots that hold each other are sent round
-//! the middle of their group like a rigid disc, `v_i = omega x (x_i - c)`: a rigid motion keeps every distance in the
-//! group, and the wish goes through the same rows as every other, so that no distance can fall below what it could
+//! the middle of their group like a disc that widens, `v_i = omega x (x_i - c) + epsilon (x_i - c)`: such a motion
+//! shrinks no distance in the group, and the wish goes through the same rows as every other, so that no distance can fall below what it could
 //! anyway. Every second attempt goes the other way round; after [`MAX_ATTEMPTS`] it is given up and reported.
 
 use super::Limits;
@@ -20,6 +20,8 @@ const RELIEF: u32 = 4;
 /// Speed of the outermost robot of a group, and how fast it is reached.
 const SPEED_M_PER_S: f64 = 0.3;
 const ACCELERATION_M_PER_S2: f64 = 1.0;
+/// Outward speed for each unit of speed round the middle: room to turn for robots that cannot move sideways.
+const WIDENING: f64 = 0.4;
 /// Length of the first attempt; every further one is longer by half of it, up to four times.
 const ATTEMPT_S: f64 = 2.0;
 /// An attempt is over early when nothing stands in the way this close and this far off the wanted direction.
@@ -100,10 +102,8 @@ impl Watcher {
         let at = place.position.filter(|_| watch.left > 0)?;
         let speed = SPEED_M_PER_S.min(ACCELERATION_M_PER_S2 * f64::from(watch.since) * TICK_S);
         let arm = sub(at, watch.centre);
-        Some(scale(
-            right_of(arm),
-            -watch.sense * speed / watch.outermost_m.max(length(arm)).max(1e-3),
-        ))
+        let way = crate::vector::add(scale(right_of(arm), -watch.sense), scale(arm, WIDENING));
+        Some(scale(way, speed / watch.outermost_m.max(length(arm)).max(1e-3)))
     }
 
     /// Looks at what came of a tick. `holds(i)`: a row against another robot acts on `i`.

@@ -31,7 +31,7 @@ const MAX_ROUNDS: u32 = 4;
 /// Rows may be missed by this after the last transform; more stops the robots.
 const MISSED_M_PER_S: f64 = 1e-6;
 /// A swing below this is rounding or no harm.
-const SWUNG_M_PER_S: f64 = 1e-3;
+const SWUNG_M_PER_S: f64 = 2e-3;
 /// Turns on their way that are smaller do not count.
 const TURNED_RAD: f64 = 0.02;
 /// A robot that cannot move sideways turns towards its way round this fast and drives when it points this well.
@@ -627,7 +627,7 @@ impl SafetyFilter {
         // What the measurement may be wrong by does not count.
         let surely = (1.0 - self.limits.tracking_m_per_s / length(measured).max(1e-9)).max(0.0);
         let coasting = scale(measured, surely);
-        let rises = |velocity: Vector| dot(normal, velocity).max(0.0);
+        let rises = |velocity: Vector| 2.0 * gap_allows + dot(normal, velocity).max(0.0);
         let mut factor = 1.0_f64;
         for (velocity, left_over) in [
             (chosen, left_over),
