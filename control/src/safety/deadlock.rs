@@ -198,10 +198,10 @@ impl Watcher {
     }
 }
 
-/// Nothing close by stands where the robot wants to go.
+/// Nothing close by stands where the robot wants to go. A robot that only turns now does not say where that is.
 fn is_free(i: usize, places: &[Place], intent: Vector) -> bool {
     let (Some(at), Some(wanted)) = (places[i].position, direction(intent)) else {
-        return true;
+        return false;
     };
     places.iter().enumerate().all(|(j, other)| {
         let Some(there) = other.position.filter(|_| j != i) else {
