@@ -287,10 +287,10 @@ fn run(attack: &Attack) -> Worst {
             }
         }
         world.step(&applied).expect("step");
-        for i in 0..n {
+        for (i, start) in poses.iter().enumerate() {
             let pose = world.state(i).pose;
             worst.obstacles_m = worst.obstacles_m.min(clearance_m(&pose, &world));
-            worst.moved_m = worst.moved_m.max(pose.distance_m(&poses[i]));
+            worst.moved_m = worst.moved_m.max(pose.distance_m(start));
         }
         worst.robots_m = worst
             .robots_m

@@ -149,7 +149,7 @@ fn permuted_and_mirrored_teams_get_permuted_and_mirrored_commands() {
 
 fn things() -> Contents {
     serde_json::from_value(json!({
-        "fixed": [{"name": "shelf", "shape": {"rectangle": {"length_m": 1.0, "width_m": 0.2}}, "pose": {"x_m": 0.6, "y_m": 0.0, "yaw_rad": 1.5707963267948966}}],
+        "fixed": [{"name": "shelf", "shape": {"rectangle": {"length_m": 1.0, "width_m": 0.2}}, "pose": {"x_m": 0.6, "y_m": 0.0, "yaw_rad": 1.57}}],
         "pushable": [{"name": "ball", "shape": {"circle": {"radius_m": 0.1}}, "pose": {"x_m": -1.2, "y_m": 0.8, "yaw_rad": 0.0}, "mass_kg": 1.0, "floor_friction": 0.3}]
     }))
     .expect("contents")
@@ -354,7 +354,7 @@ fn a_stopped_and_a_reset_filter_forget() {
     let mut random = Pcg(3);
     let runs: Vec<_> = (0..40).map(|_| random_team(&mut random, 2)).collect();
     let mut filter = SafetyFilter::new(Limits::default(), ARENA_M, bodies());
-    let mut drive = |filter: &mut SafetyFilter| -> Vec<Filtered> {
+    let drive = |filter: &mut SafetyFilter| -> Vec<Filtered> {
         runs.iter()
             .flat_map(|(robots, wanted)| filter.apply(robots, wanted).to_vec())
             .collect()
@@ -371,8 +371,9 @@ fn antipodal(n: usize, seed: u64, kinds: &[&str]) -> (bool, f64, u32) {
     let radius_m = 0.15;
     let bodies: Vec<FilterBody> = (0..n).map(|i| body(kinds[i % kinds.len()], radius_m)).collect();
     let mut filter = SafetyFilter::new(Limits::default(), ARENA_M, bodies);
-    let turn = random.between(0.0, 6.28);
-    let angle = |i: usize, random: &mut Pcg| turn + 6.283 * i as f64 / n as f64 + random.between(-0.02, 0.02);
+    let turn = random.between(0.0, core::f64::consts::TAU);
+    let angle =
+        |i: usize, random: &mut Pcg| turn + core::f64::consts::TAU * i as f64 / n as f64 + random.between(-0.02, 0.02);
     let mut robots = Vec::new();
     let mut goals = Vec::new();
     for i in 0..n {
