@@ -149,7 +149,7 @@ fn permuted_and_mirrored_teams_get_permuted_and_mirrored_commands() {
 
 fn things() -> Contents {
     serde_json::from_value(json!({
-        "fixed": [{"name": "shelf", "shape": {"rectangle": {"length_m": 1.0, "width_m": 0.2}}, "pose": {"x_m": 0.6, "y_m": 0.0, "yaw_rad": 1.57}}],
+        "fixed": [{"name": "shelf", "shape": {"rectangle": {"length_m": 0.2, "width_m": 1.0}}, "pose": {"x_m": 0.6, "y_m": 0.0, "yaw_rad": 0.0}}],
         "pushable": [{"name": "ball", "shape": {"circle": {"radius_m": 0.1}}, "pose": {"x_m": -1.2, "y_m": 0.8, "yaw_rad": 0.0}, "mass_kg": 1.0, "floor_friction": 0.3}]
     }))
     .expect("contents")

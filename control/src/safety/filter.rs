@@ -1,5 +1,8 @@
 //! The filter itself: observations and desired twists in, safe commands out.
 
+mod admit;
+mod finish;
+
 use twin::command::WheelCommand;
 use twin::pose::Pose;
 use twin::robot::Robot;
@@ -9,34 +12,26 @@ use twin::world::Contents;
 use super::chassis::{Chassis, Motion, Numbers};
 use super::deadlock::{Deadlock, Watcher};
 use super::groups::Groups;
-use super::intervention::{Cause, Intervention, Strongest};
-use super::listing::{self, COINCIDENT_M, Listing, Robots, Scene};
+use super::intervention::{Cause, Strongest};
+use super::listing::{self, Listing, Robots, Scene};
 use super::margin::Place;
 use super::pipeline::Pipeline;
-use super::rows::{NOBODY, Source};
+use super::rows::NOBODY;
 use super::solver::{Group, Outcome, Solver};
 use super::surroundings::{self, Geofence};
 use super::{Filtered, Limits, SafeCommand};
 use crate::TICK_S;
 use crate::law::RobotObservation;
-use crate::vector::{Vector, clip, dot, heading, length, right_of, scale, sub, world_from_body, wrap};
+use crate::vector::{Vector, dot, length, right_of, scale};
+use finish::record;
 
-/// A change below this is not recorded.
-const RECORDED_M_PER_S: f64 = 2e-3;
 const RECORDED_RAD_PER_S: f64 = 1e-3;
-/// A row that pushes less than this is not recorded.
-const PUSHED_M_PER_S: f64 = 1e-4;
 /// Times that the problem is solved again around robots that had to stop; then all of the groups concerned stop.
 const MAX_ROUNDS: u32 = 4;
 /// Rows may be missed by this after the last transform; more stops the robots.
 const MISSED_M_PER_S: f64 = 1e-6;
 /// A swing below this is rounding or no harm.
 const SWUNG_M_PER_S: f64 = 2e-3;
-/// Turns on their way that are smaller do not count.
-const TURNED_RAD: f64 = 0.02;
-/// A robot that cannot move sideways turns towards its way round this fast and drives when it points this well.
-const DETOUR_TURN_RAD_PER_S: f64 = 1.5;
-const DETOUR_POINTING_RAD: f64 = 0.5;
 
 /// A robot as the filter needs it.
 #[derive(Debug, Clone)]
@@ -295,150 +290,6 @@ impl SafetyFilter {
         }
     }
 
-    /// Takes in one robot: where it is, whether it may move, and its desired numbers within the speed limits.
-    fn admit(&mut self, i: usize, observation: Option<&RobotObservation>, wanted: &BodyTwist, intended: &BodyTwist) {
-        let limits = self.limits;
-        let place = &mut self.places[i];
-        place.radius_m = self.radii_m[i];
-        self.numbers[i] = [0.0; 3];
-        self.desired[i] = [0.0; 3];
-        self.intents[i] = [0.0, 0.0];
-        self.slowing[i] = false;
-        self.swung[i] = false;
-        self.steered_out[i] = false;
-        let stop = stop_cause(observation, wanted, &limits);
-        self.stops[i] = stop;
-        place.movable = stop.is_none();
-        let Some(seen) = observation.filter(|seen| seen.pose.is_finite()) else {
-            place.velocity = [0.0, 0.0];
-            place.reaction_s = self.latencies_s[i] + limits.oldest_pose_s;
-            place.pending_m = self.pipelines[i].pending(place.reaction_s).0;
-            place.radius_m += limits.stale_growth_m;
-            return;
-        };
-        place.position = Some([seen.pose.x_m, seen.pose.y_m]);
-        let age_s = if seen.pose_age_s.is_finite() {
-            seen.pose_age_s.max(0.0)
-        } else {
-            f64::MAX
-        };
-        if age_s > limits.oldest_pose_s {
-            place.radius_m += (limits.stale_growth_m_per_s * age_s).min(limits.stale_growth_m);
-        }
-        place.reaction_s = self.latencies_s[i] + age_s.min(limits.oldest_pose_s);
-        let (pending_m, turned_rad) = self.pipelines[i].pending(place.reaction_s);
-        place.pending_m = pending_m;
-        let body_velocity = [seen.twist.forward_m_per_s, seen.twist.left_m_per_s];
-        let known = body_velocity[0].is_finite() && body_velocity[1].is_finite();
-        place.heading = heading(seen.pose.yaw_rad);
-        place.turns = turned_rad.abs() > TURNED_RAD;
-        place.later = if place.turns {
-            heading(seen.pose.yaw_rad + turned_rad)
-        } else {
-            place.heading
-        };
-        place.velocity = if known {
-            clip(
-                world_from_body(body_velocity, seen.pose.yaw_rad),
-                2.0 * limits.speed_m_per_s,
-            )
-        } else {
-            [0.0, 0.0]
-        };
-        if place.movable {
-            self.wish(i, wanted, intended);
-        }
-    }
-
-    /// Desired numbers of a robot that may move: its own wish or the way round a deadlock.
-    fn wish(&mut self, i: usize, wanted: &BodyTwist, intended: &BodyTwist) {
-        let place = self.places[i];
-        let chassis = &self.chassis[i];
-        let (own, arc) = chassis.desired(intended, self.curvature[i]);
-        let intent = place.world_from_body(chassis.velocity(own, arc));
-        self.intents[i] = if intent[0].is_finite() && intent[1].is_finite() {
-            intent
-        } else {
-            [0.0, 0.0]
-        };
-        if listing::crowded(&place, &self.scene, &self.limits) {
-            self.halt(i, Cause::Infeasible);
-            return;
-        }
-        let detour = self.watcher.detour(i, &place).map(|velocity| self.driven(i, velocity));
-        let (desired, curvature) = chassis.desired(detour.as_ref().unwrap_or(wanted), self.curvature[i]);
-        if let Motion::Steered { .. } = chassis.motion {
-            let lost = wanted.yaw_rate_rad_per_s - curvature * wanted.forward_m_per_s;
-            self.steered_out[i] = lost.abs() > RECORDED_RAD_PER_S && wanted.forward_m_per_s.abs() > 1e-6;
-        }
-        self.curvature[i] = curvature;
-        self.desired[i] = desired;
-        self.numbers[i] = desired;
-    }
-
-    /// Body twist for a velocity in the world.
-    fn driven(&self, i: usize, velocity: Vector) -> BodyTwist {
-        let body = self.places[i].body_from_world(velocity, true);
-        match self.chassis[i].motion {
-            Motion::Holonomic => BodyTwist {
-                forward_m_per_s: body[0],
-                left_m_per_s: body[1],
-                yaw_rate_rad_per_s: 0.0,
-            },
-            Motion::Axis { along } => {
-                // Forwards or backwards, whichever needs less turning.
-                let angle = wrap(libm::atan2(body[1], body[0]) - libm::atan2(along[1], along[0]));
-                let half_turn = core::f64::consts::PI;
-                let error = if angle.abs() > half_turn / 2.0 {
-                    angle - half_turn.copysign(angle)
-                } else {
-                    angle
-                };
-                let share = (1.0 - error.abs() / DETOUR_POINTING_RAD).max(0.0);
-                let speed = dot(body, along) * share;
-                BodyTwist {
-                    forward_m_per_s: speed * along[0],
-                    left_m_per_s: speed * along[1],
-                    yaw_rate_rad_per_s: (4.0 * error).clamp(-DETOUR_TURN_RAD_PER_S, DETOUR_TURN_RAD_PER_S),
-                }
-            }
-            Motion::Steered { least_radius_m } => {
-                let speed = length(body).copysign(body[0]);
-                let curvature = (2.0 * body[1].copysign(body[1] * speed) / (length(body) * 0.3).max(1e-6))
-                    .clamp(-1.0 / least_radius_m, 1.0 / least_radius_m);
-                BodyTwist {
-                    forward_m_per_s: speed,
-                    left_m_per_s: 0.0,
-                    yaw_rate_rad_per_s: curvature * speed,
-                }
-            }
-        }
-    }
-
-    /// A robot that was never seen could be anywhere; robots in one place have no direction between them.
-    fn stop_the_unknown(&mut self) {
-        let n = self.places.len();
-        if self.places.iter().any(|place| place.position.is_none()) {
-            for i in 0..n {
-                self.places[i].movable = false;
-                self.stops[i].get_or_insert(Cause::PoseAge);
-            }
-        }
-        for j in 0..n {
-            for i in 0..j {
-                let (Some(a), Some(b)) = (self.places[i].position, self.places[j].position) else {
-                    continue;
-                };
-                if (a[0] - b[0]).abs() < COINCIDENT_M && length(sub(a, b)) < COINCIDENT_M {
-                    for k in [i, j] {
-                        self.places[k].movable = false;
-                        self.stops[k].get_or_insert(Cause::Infeasible);
-                    }
-                }
-            }
-        }
-    }
-
     /// Lists and solves until no group fails; each failure stops robots.
     fn solve(&mut self) {
         self.steps = 0;
@@ -664,114 +515,6 @@ impl SafetyFilter {
             }
         }
     }
-
-    /// Which rows acted on whom, and how much.
-    fn weigh(&mut self) {
-        self.strongest.fill(Strongest::NONE);
-        self.holds.fill(false);
-        for row in self.listing.rows.iter().filter(|row| row.multiplier > 0.0) {
-            for k in 0..2 {
-                let (robot, other) = (row.robots[k], row.robots[1 - k]);
-                if robot == NOBODY || !self.places[robot as usize].movable {
-                    continue;
-                }
-                let gradient = row.gradient[k];
-                let size = super::rows::inner(&gradient, &gradient).sqrt();
-                let push_m_per_s = row.multiplier * size;
-                if push_m_per_s > PUSHED_M_PER_S {
-                    self.strongest[robot as usize].add(row.source.cause(other), push_m_per_s);
-                    self.holds[robot as usize] |= row.source == Source::Robot;
-                }
-            }
-        }
-    }
-
-    /// Command and record of one robot.
-    fn finish(&mut self, i: usize, requested: BodyTwist) -> Filtered {
-        let command = if self.places[i].movable {
-            self.driving(i)
-        } else if self.slowing[i] {
-            self.decelerated(i)
-        } else {
-            stop_holding(self.steering_rad[i])
-        };
-        self.send(i, command);
-        Filtered {
-            command,
-            intervention: self.judge(i, requested, command.twist),
-        }
-    }
-
-    /// The chosen numbers as set-points. Their rows say that the wheels can do it; if they cannot, the robot stops.
-    fn driving(&mut self, i: usize) -> SafeCommand {
-        let chassis = &self.chassis[i];
-        let twist = chassis.twist(self.numbers[i], self.curvature[i]);
-        let wheels = chassis.robot().wheel_speeds_holding(twist, self.steering_rad[i]);
-        let limit = chassis.wheel_limit_rad_per_s() * (1.0 + 1e-6);
-        let fits = wheels.wheel_rad_per_s.iter().all(|speed| speed.abs() <= limit);
-        if fits && wheels.non_finite_field().is_none() {
-            return SafeCommand { twist, wheels };
-        }
-        self.stops[i].get_or_insert(Cause::NotConverged);
-        self.places[i].movable = false;
-        self.decelerated(i)
-    }
-
-    /// Remembers what a robot is told.
-    fn send(&mut self, i: usize, command: SafeCommand) {
-        let twist = command.twist;
-        let curvature = if twist.forward_m_per_s == 0.0 {
-            0.0
-        } else {
-            twist.yaw_rate_rad_per_s / twist.forward_m_per_s
-        };
-        let body = self.chassis[i].velocity(self.chassis[i].numbers(&twist), curvature);
-        let velocity = self.places[i].world_from_body(body);
-        self.steering_rad[i] = command.wheels.steering_rad;
-        self.places[i].commanded = velocity;
-        self.pipelines[i].push(velocity, twist.yaw_rate_rad_per_s);
-    }
-
-    /// What changed the command most; `None` when nothing did.
-    fn judge(&self, i: usize, requested: BodyTwist, applied: BodyTwist) -> Option<Intervention> {
-        let strongest = self.strongest[i];
-        if let Some(cause) = self.stops[i] {
-            return Some(record(cause, requested, applied, strongest));
-        }
-        let detour = self.watcher.detour(i, &self.places[i]).is_some();
-        let rows = strongest.0.iter().flatten();
-        let outside = rows
-            .clone()
-            .find(|one| one.cause.label() != "speed" && one.push_m_per_s > RECORDED_M_PER_S / 2.0);
-        let cause = match (detour, outside) {
-            (true, _) => Cause::Deadlock,
-            (_, Some(found)) => found.cause,
-            _ if self.swung[i] => Cause::Turn,
-            _ if self.steered_out[i] => Cause::Steering,
-            _ => strongest.first().map_or(Cause::Speed, |one| one.cause),
-        };
-        let intervention = record(cause, requested, applied, strongest);
-        let changed =
-            intervention.change_m_per_s >= RECORDED_M_PER_S || intervention.change_rad_per_s >= RECORDED_RAD_PER_S;
-        changed.then_some(intervention)
-    }
-
-    /// Lets the watcher for deadlocks see the tick.
-    fn watch(&mut self) {
-        for i in 0..self.chassis.len() {
-            self.velocities[i] = if self.places[i].movable {
-                self.velocity(i)
-            } else {
-                [0.0, 0.0]
-            };
-        }
-        let rows = self.listing.rows[..self.listing.shared].iter();
-        let pairs = rows
-            .filter(|row| row.multiplier > 0.0 && row.source == Source::Robot)
-            .map(|row| row.robots);
-        self.watcher
-            .look(&self.places, &self.intents, &self.velocities, &self.holds, pairs);
-    }
 }
 
 /// The robot of a row that the filter steers.
@@ -791,44 +534,5 @@ fn stop_holding(steering_rad: f64) -> SafeCommand {
             ..STOP.wheels
         },
         ..STOP
-    }
-}
-
-/// Why a robot may not move at all.
-fn stop_cause(observation: Option<&RobotObservation>, wanted: &BodyTwist, limits: &Limits) -> Option<Cause> {
-    let Some(seen) = observation else {
-        return Some(Cause::Offline);
-    };
-    let finite =
-        wanted.forward_m_per_s.is_finite() && wanted.left_m_per_s.is_finite() && wanted.yaw_rate_rad_per_s.is_finite();
-    if !seen.online {
-        Some(Cause::Offline)
-    } else if !seen.pose.is_finite() || !finite {
-        Some(Cause::NotFinite)
-    } else if !(0.0..=limits.oldest_pose_s).contains(&seen.pose_age_s) {
-        Some(Cause::PoseAge)
-    } else {
-        None
-    }
-}
-
-fn record(cause: Cause, requested: BodyTwist, applied: BodyTwist, strongest: Strongest) -> Intervention {
-    let change = sub(
-        [requested.forward_m_per_s, requested.left_m_per_s],
-        [applied.forward_m_per_s, applied.left_m_per_s],
-    );
-    let turn = requested.yaw_rate_rad_per_s - applied.yaw_rate_rad_per_s;
-    let finite = |value: f64| if value.is_finite() { value } else { 0.0 };
-    let requested = BodyTwist {
-        forward_m_per_s: finite(requested.forward_m_per_s),
-        left_m_per_s: finite(requested.left_m_per_s),
-        yaw_rate_rad_per_s: finite(requested.yaw_rate_rad_per_s),
-    };
-    Intervention {
-        cause,
-        change_m_per_s: finite(length(change)),
-        change_rad_per_s: finite(turn.abs()),
-        requested,
-        pressures: strongest.0,
     }
 }
