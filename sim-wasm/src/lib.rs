@@ -5,6 +5,8 @@
 use control::rehearsal::{Frame, Outcome, Rehearsal};
 use control::scenario::{FieldProblem, Scenario};
 use serde::Serialize;
+use twin::workload::{Variation, Workload};
+use wasm_bindgen::JsCast;
 use wasm_bindgen::prelude::wasm_bindgen;
 
 /// Most ticks in one call of [`Simulation::advance`]; a worker must stay able to answer.
@@ -26,6 +28,55 @@ pub fn twin_version() -> String {
 #[wasm_bindgen]
 pub fn gallery_digests() -> String {
     text(&control::gallery::digests())
+}
+
+/// The benchmark's workload (`docs/speed.md`), timed from outside.
+#[wasm_bindgen]
+pub struct SpeedWork {
+    work: Workload,
+}
+
+#[wasm_bindgen]
+impl SpeedWork {
+    /// `count` robots of a chassis with one of the two effects of [`Variation`]; throws a sentence when there is no such work.
+    #[wasm_bindgen(constructor)]
+    pub fn new(chassis: &str, count: usize, effect: &str, digest: bool) -> Result<SpeedWork, String> {
+        let effect = Variation::ALL.into_iter().find(|one| one.name() == effect);
+        let effect = effect.ok_or("no workload with such an effect")?;
+        let work = Workload::new(chassis, count, effect, digest).map_err(|error| error.to_string())?;
+        Ok(SpeedWork { work })
+    }
+
+    /// Simulated robot-seconds of one lap.
+    pub fn lap_robot_s(&self) -> f64 {
+        self.work.lap_robot_s()
+    }
+
+    /// Drives laps from the start, as many as make about `robot_s` robot-seconds, and gives `[milliseconds, laps]`.
+    pub fn run(&self, robot_s: f64) -> Result<Vec<f64>, String> {
+        let laps = self.work.laps_for(robot_s);
+        let begun_ms = now_ms();
+        for _ in 0..laps {
+            core::hint::black_box(self.work.lap().map_err(|error| error.to_string())?);
+        }
+        Ok(vec![now_ms() - begun_ms, f64::from(laps)])
+    }
+
+    /// Digest of a lap; that of the start without hashing.
+    pub fn lap_digest(&self) -> Result<String, String> {
+        Ok(self.work.lap().map_err(|error| error.to_string())?.digest().to_string())
+    }
+}
+
+/// `performance.now()`; the time of day where there is none.
+fn now_ms() -> f64 {
+    let global = js_sys::global();
+    let performance = js_sys::Reflect::get(&global, &"performance".into());
+    let now = performance.and_then(|performance| {
+        let function: js_sys::Function = js_sys::Reflect::get(&performance, &"now".into())?.dyn_into()?;
+        function.call0(&performance)
+    });
+    now.ok().and_then(|now| now.as_f64()).unwrap_or_else(js_sys::Date::now)
 }
 
 /// The control laws and their parameters (key, unit, range, default, meaning) as a JSON list.
@@ -204,6 +255,19 @@ mod tests {
         assert_eq!(problems.len(), 1);
         let thrown = Simulation::new("{").err().expect("problems");
         assert!(serde_json::from_str::<Vec<FieldProblem>>(&thrown).is_ok_and(|list| list.len() == 1));
+    }
+
+    #[test]
+    fn speed_work_is_the_native_workload() {
+        let work = SpeedWork::new("omni4", 2, "floor_friction", true).expect("work");
+        let native = Workload::new("omni4", 2, Variation::FloorFriction, true).expect("work");
+        assert_eq!(
+            work.lap_digest(),
+            Ok(native.lap().expect("finite").digest().to_string())
+        );
+        assert_eq!(work.lap_robot_s(), native.lap_robot_s());
+        assert!(SpeedWork::new("omni4", 2, "tank", true).is_err());
+        assert!(SpeedWork::new("tank", 2, "floor_friction", true).is_err());
     }
 
     #[test]

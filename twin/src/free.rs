@@ -40,7 +40,7 @@ impl FreeRobot {
     /// A robot at rest.
     pub fn at_rest(robot: &Robot, pose: Pose) -> FreeRobot {
         FreeRobot {
-            model: robot.model().clone(),
+            model: Model::clone(robot.model()),
             runtime: robot.runtime(),
             state: BodyState::at_rest(robot.model(), pose),
             steps: 0,

@@ -33,6 +33,7 @@ mod state;
 mod steering;
 pub mod twist;
 mod tyre;
+pub mod workload;
 pub mod world;
 
 /// Version of the numbers this crate produces. Changes whenever any bit of any trace changes.

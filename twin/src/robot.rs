@@ -122,8 +122,8 @@ pub struct Robot {
     description: RobotDescription,
     effects: Vec<Effect>,
     /// The geometry the robot itself works with.
-    nominal: Model,
-    model: Model,
+    nominal: Arc<Model>,
+    model: Arc<Model>,
     residual: Option<Arc<Residual>>,
     dynamics: Option<Dynamics>,
     sensors: Vec<SensorStage>,
@@ -170,12 +170,13 @@ impl Robot {
         model.freeze();
         let acting = residual.clone().filter(|residual| !residual.document().is_neutral());
         let dynamics = Dynamics::new(&model, &active, acting);
+        model.contact_varies |= dynamics.as_ref().is_some_and(Dynamics::changes_radii);
         let sensors = effect::sensor_stages(&active);
         Ok(Robot {
             description,
             effects: effects.to_vec(),
-            nominal,
-            model,
+            nominal: Arc::new(nominal),
+            model: Arc::new(model),
             residual,
             dynamics,
             sensors,
@@ -269,7 +270,7 @@ impl Robot {
             .map_or(0.0, |steering| steering.angle_limit_rad)
     }
 
-    pub(crate) fn model(&self) -> &Model {
+    pub(crate) fn model(&self) -> &Arc<Model> {
         &self.model
     }
 

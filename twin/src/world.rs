@@ -8,6 +8,8 @@ mod scene;
 pub(crate) mod shape;
 mod start;
 
+use std::sync::Arc;
+
 use serde::{Deserialize, Serialize};
 
 use crate::SUBSTEPS;
@@ -120,7 +122,7 @@ pub struct World {
     floor: Floor,
     furniture: Furniture,
     names: Vec<String>,
-    models: Vec<Model>,
+    models: Vec<Arc<Model>>,
     radii_m: Vec<f64>,
     /// Around the centre of mass.
     sweep_radii_m: Vec<f64>,
@@ -157,7 +159,7 @@ impl World {
             arena,
             furniture: Furniture::new(&contents),
             names: robots.iter().map(|(robot, _, _)| robot.name().to_owned()).collect(),
-            models: robots.iter().map(|(robot, _, _)| robot.model().clone()).collect(),
+            models: robots.iter().map(|(robot, _, _)| Arc::clone(robot.model())).collect(),
             radii_m: robots.iter().map(|(_, _, radius_m)| *radius_m).collect(),
             sweep_radii_m: robots
                 .iter()
@@ -387,7 +389,7 @@ impl World {
     pub fn state(&self, robot: usize) -> RobotState {
         let model = self.runtimes[robot]
             .as_ref()
-            .map_or(&self.models[robot], |runtime| &runtime.live);
+            .map_or(self.models[robot].as_ref(), |runtime| runtime.live.as_ref());
         self.states[robot].view(model)
     }
 

@@ -16,6 +16,7 @@ const EDGES: &[(&str, &[&str])] = &[
     ("emulator", &["api", "robot"]),
     ("identify", &["twin"]),
     ("lab", &["api", "control", "robot", "twin"]),
+    ("localise", &[]),
     ("robot", &[]),
     ("scheduler", &["api", "control", "identify", "store", "twin"]),
     ("server", &["api", "control", "store", "twin"]),

@@ -1,11 +1,14 @@
 //! Every developer command of the project. `cargo xtask --help` lists them.
 
 mod arch;
+mod bench;
+mod builds;
 mod bundle;
 mod check;
 mod cluster;
 mod fingerprint;
 mod metadata;
+mod page;
 mod paths;
 mod run;
 mod setup;
@@ -56,8 +59,8 @@ enum Verb {
     Smoke,
     /// What `test` does, at full counts and on real logs (ROBOPHEUS_REAL_LOGS)
     Soak(soak::SoakArguments),
-    /// Speed of the twin
-    Bench,
+    /// Benchmarks: speed and memory of the twin
+    Bench(bench::BenchArguments),
     /// The paper's experiments from the command line
     Demo,
     /// One page with what each chassis and each effect does, in target/gallery.html
@@ -77,7 +80,7 @@ fn main() -> ExitCode {
         Verb::Wasm => bundle::wasm(),
         Verb::Smoke => test::smoke(),
         Verb::Soak(arguments) => soak::soak(&arguments),
-        Verb::Bench => soak::bench(),
+        Verb::Bench(arguments) => bench::bench(&arguments),
         Verb::Demo => Ok(not_yet(
             "demo",
             "the paper's experiments A, B, C have no command-line tables yet",

@@ -1,4 +1,4 @@
-//! Long and timed commands: `soak` and `bench`.
+//! `cargo xtask soak`: what `test` does, for long.
 
 use std::path::PathBuf;
 
@@ -7,7 +7,7 @@ use clap::Args;
 
 use crate::setup::{Needs, set_up};
 use crate::stages::Stages;
-use crate::{End, run, test};
+use crate::{End, test};
 
 /// Folder with records of real robots, for tests that want them.
 const REAL_LOGS: &str = "ROBOPHEUS_REAL_LOGS";
@@ -48,20 +48,4 @@ pub fn soak(arguments: &SoakArguments) -> Result<End> {
         stages.run_if(built, "the build failed", "smoke", test::run_smoke);
     }
     Ok(stages.finish())
-}
-
-/// Speed of the twin; the other benchmarks do not exist yet.
-pub fn bench() -> Result<End> {
-    run::succeed(&mut run::cargo([
-        "run",
-        "--locked",
-        "--package",
-        "twin",
-        "--example",
-        "speed",
-    ]))?;
-    Ok(crate::not_yet(
-        "bench",
-        "beyond the twin's speed, shown above, nothing is benchmarked",
-    ))
 }

@@ -9,7 +9,7 @@ use clap::Args;
 use crate::cluster::DisposableServer;
 use crate::setup::{Found, Needs, set_up};
 use crate::stages::Stages;
-use crate::{End, bundle, check, paths, run};
+use crate::{End, builds, bundle, check, paths, run};
 
 /// Longest smoke run; it drives one short experiment.
 const SMOKE_LIMIT: Duration = Duration::from_secs(10 * 60);
@@ -47,6 +47,9 @@ pub fn test(arguments: &TestArguments) -> Result<End> {
         run::succeed(&mut run::cargo(["test", "--quiet", "--locked", "--doc"]))
     });
     stages.run("browser-side", browser_side_tests);
+    stages.run_if(bundled, "the bundles are not built", "builds", || {
+        compare_builds(&found)
+    });
     let ready = built && bundled;
     stages.run_if(ready, "the programs or bundles are not built", "smoke", run_smoke);
     stages.run_if(ready, "the programs or bundles are not built", "system", || {
@@ -78,6 +81,11 @@ pub fn build() -> Result<()> {
 
 fn build_bundles(found: &Found) -> Result<()> {
     bundle::build(found.wasm.as_ref().context("no wasm toolchain after setup")?)
+}
+
+/// The twin's bits in debug, release, with wider vectors and in WebAssembly.
+fn compare_builds(found: &Found) -> Result<()> {
+    builds::give_equal_bits(&found.browser.as_ref().context("no browser after setup")?.chromium)
 }
 
 /// Runs tests against a server of their own; an address given by the user is not touched.

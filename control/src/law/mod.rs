@@ -3,11 +3,29 @@
 //! A law sees what the laboratory (or the twin) measured and says which body twist each robot should have. It may ask
 //! for anything: limits, walls and other robots are the safety filter's business.
 
+pub mod assignment;
 mod circulation;
+mod consensus;
+mod corner;
+mod coverage;
+mod driver;
+mod formation;
 mod go_to_point;
+mod go_to_pose;
+mod goal_assignment;
+mod graph;
+mod leader_follower;
+mod manoeuvre;
 mod motion;
 mod parameters;
+mod path_following;
+mod piece;
 mod push;
+mod reeds_shepp;
+mod shape;
+mod targets;
+mod trajectory;
+mod trajectory_tracking;
 mod waypoints;
 
 use twin::pose::Pose;
@@ -17,16 +35,33 @@ use twin::twist::BodyTwist;
 pub use motion::Drive;
 pub use parameters::{LAWS, LawSpec, ParameterSpec, Parameters, law_spec};
 pub use push::Push;
+pub use targets::{Owner, TargetRule, YawUse};
 pub use waypoints::path_error_m;
 
 pub(crate) use parameters::check;
 
-use crate::scenario::Scenario;
+use crate::scenario::{FieldProblem, Scenario};
 
 /// Name of the law that follows waypoints (the paper's eq. 1).
 pub const WAYPOINTS: &str = "waypoints";
 /// Name of the law that drives each robot to its own goal.
 pub const GO_TO_POINT: &str = "go_to_point";
+/// Name of the law that drives each robot to its own pose.
+pub const GO_TO_POSE: &str = "go_to_pose";
+/// Name of the law that follows a path of waypoints by PID on the distance to it.
+pub const PATH_FOLLOWING: &str = "path_following";
+/// Name of the law that is at each target at its time.
+pub const TRAJECTORY_TRACKING: &str = "trajectory_tracking";
+/// Name of the law by which robots agree on a place.
+pub const CONSENSUS: &str = "consensus";
+/// Name of the law by which each robot follows the one before it.
+pub const LEADER_FOLLOWER: &str = "leader_follower";
+/// Name of the law that makes a shape without a leader.
+pub const FORMATION: &str = "formation";
+/// Name of the law that spreads robots over the arena.
+pub const COVERAGE: &str = "coverage";
+/// Name of the law that shares goals out.
+pub const GOAL_ASSIGNMENT: &str = "goal_assignment";
 /// Constant body twists; used by the scenario gallery only and refused in experiments.
 pub const PUSH: &str = "push";
 
@@ -98,8 +133,37 @@ pub fn build(scenario: &Scenario) -> Option<Box<dyn Law>> {
     match scenario.experiment.control.law.as_str() {
         WAYPOINTS => Some(Box::new(waypoints::Waypoints::new(robots))),
         GO_TO_POINT => Some(Box::new(go_to_point::GoToPoint::new(robots))),
+        GO_TO_POSE => Some(Box::new(go_to_pose::GoToPose::new(scenario))),
+        PATH_FOLLOWING => Some(Box::new(path_following::PathFollowing::new(scenario))),
+        TRAJECTORY_TRACKING => Some(Box::new(trajectory_tracking::TrajectoryTracking::new(scenario))),
+        CONSENSUS => Some(Box::new(consensus::Consensus::new(scenario))),
+        LEADER_FOLLOWER => Some(Box::new(leader_follower::LeaderFollower::new(scenario))),
+        FORMATION => Some(Box::new(formation::Formation::new(scenario))),
+        COVERAGE => Some(Box::new(coverage::Coverage::new(scenario))),
+        GOAL_ASSIGNMENT => Some(Box::new(goal_assignment::GoalAssignment::new(scenario))),
         _ => None,
     }
+}
+
+/// The rules that only the law of a scenario knows; the scenario has passed all others.
+pub(crate) fn check_scenario(scenario: &Scenario) -> Vec<FieldProblem> {
+    match scenario.experiment.control.law.as_str() {
+        PATH_FOLLOWING => corner::check(scenario),
+        TRAJECTORY_TRACKING => trajectory_tracking::check(scenario),
+        CONSENSUS => consensus::check(scenario),
+        LEADER_FOLLOWER => leader_follower::check(scenario),
+        FORMATION => shape::check(scenario),
+        GOAL_ASSIGNMENT => goal_assignment::check(scenario),
+        _ => Vec::new(),
+    }
+}
+
+/// Drives of a scenario's robots; those whose description cannot be used count as holonomic.
+pub(crate) fn drives(scenario: &Scenario) -> Vec<Drive> {
+    let of = |robot: &crate::scenario::ScenarioRobot| {
+        Robot::new(robot.description.clone()).map_or(Drive::Holonomic, |robot| Drive::of(&robot))
+    };
+    scenario.robots.iter().map(of).collect()
 }
 
 /// Bodies of a scenario's robots.

@@ -21,7 +21,11 @@ pub enum Drive {
     /// Forward and back, turns on the spot.
     TurnInPlace,
     /// Forward and back on arcs not tighter than the radius.
-    Steered { turning_radius_m: f64 },
+    Steered {
+        turning_radius_m: f64,
+        /// Middle of the axle that is not steered, ahead of the body origin; it moves like a unicycle.
+        axle_x_m: f64,
+    },
 }
 
 impl Drive {
@@ -38,6 +42,7 @@ impl Drive {
             let tangent = libm::tan(robot.max_steering_rad().clamp(0.05, 1.5));
             return Drive::Steered {
                 turning_radius_m: base_m / tangent,
+                axle_x_m: mean_x_m(false),
             };
         }
         let omni = wheels.iter().filter(|w| w.driven && w.kind == "omni").count();
@@ -88,7 +93,7 @@ pub fn twist_for(drive: Drive, pose: &Pose, wish: &Wish, yaw_gain_per_s: f64) ->
                 yaw_rate_rad_per_s: turn(error_rad),
             }
         }
-        Drive::Steered { turning_radius_m } => steered_twist(pose, wish, turning_radius_m),
+        Drive::Steered { turning_radius_m, .. } => steered_twist(pose, wish, turning_radius_m),
     }
 }
 

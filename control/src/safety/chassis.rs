@@ -62,7 +62,7 @@ impl Chassis {
             },
             (None, Drive::Holonomic) => Motion::Holonomic,
             (None, Drive::TurnInPlace) => Motion::Axis { along: [1.0, 0.0] },
-            (None, Drive::Steered { turning_radius_m }) => Motion::Steered {
+            (None, Drive::Steered { turning_radius_m, .. }) => Motion::Steered {
                 least_radius_m: turning_radius_m,
             },
         };

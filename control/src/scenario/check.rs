@@ -6,8 +6,7 @@ use twin::pairing::{self, ControllerKind, Pairing, SensorKind};
 use twin::robot::Robot;
 
 use super::{
-    FORMAT, FieldProblem, MAX_DURATION_S, MAX_ROBOTS, MAX_TARGETS, MIN_DURATION_S, MIN_START_GAP_M, Scenario,
-    ScenarioRobot,
+    FORMAT, FieldProblem, MAX_DURATION_S, MAX_ROBOTS, MIN_DURATION_S, MIN_START_GAP_M, Scenario, ScenarioRobot, targets,
 };
 use crate::law;
 use crate::vector::{length, sub};
@@ -33,17 +32,21 @@ pub fn check(scenario: &Scenario) -> Vec<FieldProblem> {
     check_document(scenario, &mut problems);
     check_robots(scenario, &mut problems);
     check_starts(scenario, &mut problems);
-    check_targets(scenario, &mut problems);
+    targets::check(scenario, &mut problems);
     law::check(&scenario.experiment.control, &mut |field, message, limit, remedy| {
         problems.add(field, message, limit, remedy);
     });
+    // What only the law knows can be asked once everything else is right.
+    if problems.0.is_empty() {
+        problems.0 = law::check_scenario(scenario);
+    }
     problems.0
 }
 
-struct Problems(Vec<FieldProblem>);
+pub(super) struct Problems(Vec<FieldProblem>);
 
 impl Problems {
-    fn add(
+    pub(super) fn add(
         &mut self,
         field: impl Into<String>,
         message: impl Into<String>,
@@ -59,7 +62,7 @@ impl Problems {
     }
 
     /// Adds a problem and returns false when the number is not finite.
-    fn finite(&mut self, field: String, value: f64, unit: &str) -> bool {
+    pub(super) fn finite(&mut self, field: String, value: f64, unit: &str) -> bool {
         if !value.is_finite() {
             self.add(
                 field,
@@ -257,9 +260,22 @@ fn check_lab_robot(scenario: &Scenario, i: usize, at: &str, problems: &mut Probl
             "correct the laboratory's description",
         );
     }
-    if let Err(error) = Robot::new(known.description.clone()) {
-        let field = format!("laboratory.robots[{i}].description.{}", error.field);
-        problems.add(field, error.message, error.limit, error.remedy);
+    match Robot::new(known.description.clone()) {
+        Ok(made) if made.drive_axis_rad().is_some() => problems.add(
+            format!("{at}.chassis"),
+            format!(
+                "{} drives on two of its omni wheels: nothing holds it across their axis, so it slides out of every \
+                 bend and neither laws nor the safety filter can stop it there",
+                robot.name
+            ),
+            "robots that hold their velocity in every direction: all chassis with their usual wheels",
+            "drive all four wheels, or choose another robot",
+        ),
+        Ok(_) => {}
+        Err(error) => {
+            let field = format!("laboratory.robots[{i}].description.{}", error.field);
+            problems.add(field, error.message, error.limit, error.remedy);
+        }
     }
     check_pairing(known, i, problems);
 }
@@ -293,7 +309,7 @@ fn chassis_name(robot: &ScenarioRobot) -> String {
     }
 }
 
-fn radius_m(scenario: &Scenario, i: usize) -> f64 {
+pub(super) fn radius_m(scenario: &Scenario, i: usize) -> f64 {
     scenario
         .robots
         .get(i)
@@ -352,7 +368,7 @@ fn check_starts(scenario: &Scenario, problems: &mut Problems) {
 }
 
 /// A place where the bounding circle of a robot overlaps an obstacle; lengths are overlap and radius, m.
-fn in_obstacle(problems: &mut Problems, field: String, obstacle: &str, [overlap_m, radius_m]: [f64; 2]) {
+pub(super) fn in_obstacle(problems: &mut Problems, field: String, obstacle: &str, [overlap_m, radius_m]: [f64; 2]) {
     problems.add(
         field,
         format!("there the robot (radius {radius_m} m) would stand {overlap_m:.3} m inside the obstacle {obstacle:?}"),
@@ -362,7 +378,7 @@ fn in_obstacle(problems: &mut Problems, field: String, obstacle: &str, [overlap_
 }
 
 /// The whole bounding circle must lie inside the walls.
-fn inside(problems: &mut Problems, field: &str, value_m: f64, side_m: f64, radius_m: f64) {
+pub(super) fn inside(problems: &mut Problems, field: &str, value_m: f64, side_m: f64, radius_m: f64) {
     if !problems.finite(field.to_owned(), value_m, "metres") {
         return;
     }
@@ -374,106 +390,5 @@ fn inside(problems: &mut Problems, field: &str, value_m: f64, side_m: f64, radiu
             format!("-{limit_m:.3} m to {limit_m:.3} m"),
             "move it into the arena",
         );
-    }
-}
-
-fn check_targets(scenario: &Scenario, problems: &mut Problems) {
-    let experiment = &scenario.experiment;
-    let targets = &experiment.targets;
-    if targets.is_empty() || targets.len() > MAX_TARGETS {
-        let message = format!("{} targets", targets.len());
-        problems.add(
-            "targets",
-            message,
-            format!("1 to {MAX_TARGETS} targets"),
-            "give at least one and not more than the limit",
-        );
-    }
-    let mut with_goal = BTreeSet::new();
-    for (t, target) in targets.iter().enumerate().take(MAX_TARGETS) {
-        let index = match &target.robot {
-            Some(name) => experiment.robots.iter().position(|robot| robot.name == *name),
-            None if experiment.robots.len() == 1 => Some(0),
-            None => None,
-        };
-        let Some(index) = index else {
-            let names: Vec<&str> = experiment.robots.iter().map(|robot| robot.name.as_str()).collect();
-            let message = match &target.robot {
-                Some(name) => format!("the experiment has no robot {name:?}"),
-                None => "with several robots every target names its robot".to_owned(),
-            };
-            problems.add(
-                format!("targets[{t}].robot"),
-                message,
-                names.join(", "),
-                "name one of the robots",
-            );
-            continue;
-        };
-        inside(
-            problems,
-            &format!("targets[{t}].x_m"),
-            target.x_m,
-            scenario.arena.width_m,
-            radius_m(scenario, index),
-        );
-        inside(
-            problems,
-            &format!("targets[{t}].y_m"),
-            target.y_m,
-            scenario.arena.height_m,
-            radius_m(scenario, index),
-        );
-        let contents = &scenario.arena.contents;
-        let radius_m = radius_m(scenario, index);
-        if let Some((at, overlap_m)) = contents.fixed_overlap_m(target.x_m, target.y_m, radius_m) {
-            let name = &contents.fixed[at].name;
-            in_obstacle(problems, format!("targets[{t}]"), name, [overlap_m, radius_m]);
-        }
-        if let Some(yaw_rad) = target.yaw_rad {
-            problems.finite(format!("targets[{t}].yaw_rad"), yaw_rad, "radians");
-        }
-        if experiment.control.law == law::GO_TO_POINT && !with_goal.insert(index) {
-            let message = format!("{} has more than one goal", experiment.robots[index].name);
-            problems.add(
-                format!("targets[{t}].robot"),
-                message,
-                "one goal for each robot",
-                "use the law waypoints for several",
-            );
-        }
-    }
-    if experiment.control.law == law::GO_TO_POINT {
-        check_goals_apart(scenario, problems);
-    }
-}
-
-/// Two goals closer than the circles can never both be reached.
-fn check_goals_apart(scenario: &Scenario, problems: &mut Problems) {
-    let goals: Vec<(usize, [f64; 2])> = (0..scenario.experiment.robots.len().min(MAX_ROBOTS))
-        .filter_map(|i| {
-            scenario
-                .targets_of(i)
-                .next()
-                .map(|target| (i, [target.x_m, target.y_m]))
-        })
-        .collect();
-    for (later, (j, second)) in goals.iter().enumerate() {
-        for (i, first) in &goals[..later] {
-            let distance_m = length(sub(*first, *second));
-            let least_m = radius_m(scenario, *i) + radius_m(scenario, *j) + MIN_START_GAP_M;
-            if distance_m < least_m {
-                let robots = &scenario.experiment.robots;
-                problems.add(
-                    "targets",
-                    format!(
-                        "the goals of {} and {} are {distance_m:.3} m apart",
-                        robots[*i].name, robots[*j].name
-                    ),
-                    format!("at least {least_m:.3} m between their centres"),
-                    "move one of the two goals",
-                );
-            }
-        }
     }
 }

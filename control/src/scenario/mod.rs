@@ -2,6 +2,7 @@
 
 mod check;
 mod json;
+mod targets;
 
 use serde::{Deserialize, Serialize};
 use twin::robot::RobotDescription;

@@ -5,7 +5,7 @@ use control::scenario::Scenario;
 use serde_json::{Value, json};
 
 const LAB: &str = include_str!("../../../examples/lab/reference.json");
-pub const EXPERIMENTS: [(&str, &str); 3] = [
+pub const EXPERIMENTS: [(&str, &str); 11] = [
     (
         "rectangle-omni4",
         include_str!("../../../examples/experiments/rectangle-omni4.json"),
@@ -17,6 +17,38 @@ pub const EXPERIMENTS: [(&str, &str); 3] = [
     (
         "swap-corners",
         include_str!("../../../examples/experiments/swap-corners.json"),
+    ),
+    (
+        "pose-parking",
+        include_str!("../../../examples/experiments/pose-parking.json"),
+    ),
+    (
+        "path-zigzag",
+        include_str!("../../../examples/experiments/path-zigzag.json"),
+    ),
+    (
+        "trajectory-loops",
+        include_str!("../../../examples/experiments/trajectory-loops.json"),
+    ),
+    (
+        "consensus-row",
+        include_str!("../../../examples/experiments/consensus-row.json"),
+    ),
+    (
+        "leader-column",
+        include_str!("../../../examples/experiments/leader-column.json"),
+    ),
+    (
+        "formation-circle",
+        include_str!("../../../examples/experiments/formation-circle.json"),
+    ),
+    (
+        "coverage-six",
+        include_str!("../../../examples/experiments/coverage-six.json"),
+    ),
+    (
+        "goals-shared",
+        include_str!("../../../examples/experiments/goals-shared.json"),
     ),
 ];
 
@@ -79,6 +111,105 @@ impl Pcg {
     /// Uniform in [low, high).
     pub fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * f64::from(self.next()) / 4_294_967_296.0
+    }
+}
+
+/// A robot of `examples/robots` on the sam3x, with a name of its own.
+pub fn chassis_robot(chassis: &str, name: &str) -> Value {
+    let path = format!("{}/../examples/robots/{chassis}-sam3x.json", env!("CARGO_MANIFEST_DIR"));
+    let text = std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{path}: {error}"));
+    let document: Value = serde_json::from_str(&text).expect("robot");
+    let mut description = document["robot"].clone();
+    description["name"] = json!(name);
+    json!({"number": 1, "controller": "sam3x", "bounding_radius_m": 0.25, "description": description})
+}
+
+/// The six chassis.
+pub const CHASSIS: [&str; 6] = ["omni4", "diff2", "diff4", "fwd", "rwd", "awd"];
+
+/// A scenario with robots `r0`, `r1`, ... given as chassis and start `[x_m, y_m, yaw_rad]`.
+pub fn team(
+    law: &str,
+    parameters: Value,
+    robots: &[(&str, [f64; 3])],
+    targets: Value,
+    duration_s: f64,
+    [width_m, height_m]: [f64; 2],
+) -> Value {
+    let mut listed = Vec::new();
+    let mut lab = Vec::new();
+    for (i, (chassis, [x_m, y_m, yaw_rad])) in robots.iter().enumerate() {
+        let name = format!("r{i}");
+        listed.push(json!({"name": name, "chassis": chassis, "controller": "sam3x",
+            "start": {"x_m": x_m, "y_m": y_m, "yaw_rad": yaw_rad}}));
+        lab.push(chassis_robot(chassis, &name));
+    }
+    json!({
+        "experiment": {"format": "robopheus.experiment/1", "mode": "virtual", "arena": "room", "floor": "lab-floor", "robots": listed,
+            "control": {"law": law, "parameters": parameters}, "targets": targets, "duration_s": duration_s, "seed": 1, "model": null},
+        "robots": lab, "arena": {"name": "room", "width_m": width_m, "height_m": height_m, "floor": "lab-floor"}
+    })
+}
+
+/// Robots that do at once what the law asks: single integrators that may move in every direction, without filter.
+pub struct Ideal {
+    law: Box<dyn control::law::Law>,
+    parameters: control::law::Parameters,
+    pub bodies: Vec<control::law::Body>,
+    targets: Vec<Vec<control::law::Goal>>,
+    pub robots: Vec<control::law::RobotObservation>,
+    pub demands: Vec<control::law::Demand>,
+    pub tick: u64,
+}
+
+impl Ideal {
+    pub fn new(document: &Value) -> Ideal {
+        let scenario = parsed(document);
+        let robots = control::team::robots(&scenario).expect("robots");
+        let seen = |r: &control::scenario::ExperimentRobot| control::law::RobotObservation {
+            pose: twin::pose::Pose {
+                x_m: r.start.x_m,
+                y_m: r.start.y_m,
+                yaw_rad: r.start.yaw_rad,
+            },
+            pose_age_s: 0.0,
+            twist: Default::default(),
+            online: true,
+        };
+        Ideal {
+            law: control::law::build(&scenario).expect("law"),
+            parameters: control::law::Parameters::of(&scenario.experiment.control),
+            bodies: control::law::bodies(&scenario, &robots),
+            targets: control::law::goals(&scenario),
+            robots: scenario.experiment.robots.iter().map(seen).collect(),
+            demands: vec![Default::default(); robots.len()],
+            tick: 0,
+        }
+    }
+
+    pub fn place(&self, i: usize) -> [f64; 2] {
+        [self.robots[i].pose.x_m, self.robots[i].pose.y_m]
+    }
+
+    pub fn step(&mut self) {
+        self.demands.fill(Default::default());
+        let observation = control::law::Observation {
+            tick: self.tick,
+            robots: &self.robots,
+            bodies: &self.bodies,
+            targets: &self.targets,
+            parameters: &self.parameters,
+        };
+        self.law.step(&observation, &mut self.demands);
+        for (robot, demand) in self.robots.iter_mut().zip(&self.demands) {
+            let (s, c) = (libm::sin(robot.pose.yaw_rad), libm::cos(robot.pose.yaw_rad));
+            let twist = demand.twist;
+            robot.pose.x_m += (c * twist.forward_m_per_s - s * twist.left_m_per_s) * control::TICK_S;
+            robot.pose.y_m += (s * twist.forward_m_per_s + c * twist.left_m_per_s) * control::TICK_S;
+            robot.pose.yaw_rad += twist.yaw_rate_rad_per_s * control::TICK_S;
+            robot.twist = twist;
+        }
+        self.tick += 1;
     }
 }
 

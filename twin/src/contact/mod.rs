@@ -15,6 +15,8 @@ pub(crate) use furniture::Furniture;
 pub(crate) use sweep::{Sweep, Swept};
 pub(crate) use tick::{Bodies, Touches, resolve_tick};
 
+use std::sync::Arc;
+
 use crate::CONTROL_PERIOD_S;
 use crate::model::Model;
 use crate::state::BodyState;
@@ -26,7 +28,7 @@ const SWEEP_MARGIN_M: f64 = 1e-3;
 
 /// Distance that any body may cover in the next tick, m, collisions with faster ones included.
 pub(crate) fn reach_m(
-    models: &[Model],
+    models: &[Arc<Model>],
     states: &[BodyState],
     floor: &Floor,
     obstacles: (&Furniture, &[ObstacleBody]),

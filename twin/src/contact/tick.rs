@@ -8,6 +8,8 @@
 //! friction it breaks loose, and the step is solved again with that friction against it. Where others that broke loose
 //! have taken the load off it, so that only the friction would move it, it is held again.
 
+use std::sync::Arc;
+
 use rapier2d_f64::prelude::RigidBodyHandle;
 
 use super::furniture::Furniture;
@@ -31,7 +33,7 @@ const MAX_BREAKS: u32 = 6;
 
 /// The robots and obstacles of a world.
 pub(crate) struct Bodies<'a> {
-    pub(crate) models: &'a [Model],
+    pub(crate) models: &'a [Arc<Model>],
     pub(crate) radii_m: &'a [f64],
     pub(crate) runtimes: &'a mut [Option<Runtime>],
     pub(crate) states: &'a mut [BodyState],
@@ -247,7 +249,7 @@ impl<'a> Tick<'a> {
         state.carry.clear();
         match runtime {
             None => {
-                let mut pushed = model.clone();
+                let mut pushed = Model::clone(model);
                 pushed.body_force = push.force;
                 pushed.gravity_m_per_s2 = push.m_per_s2;
                 substep(&pushed, &mut None, state, command);

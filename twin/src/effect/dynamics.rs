@@ -117,6 +117,12 @@ impl Dynamics {
         anything.then_some(dynamics)
     }
 
+    /// Whether wheel radii change from step to step.
+    pub(crate) fn changes_radii(&self) -> bool {
+        let mut laws = self.laws.iter();
+        laws.any(|(law, _)| matches!(law, Law::Eccentricity { .. }))
+    }
+
     /// The same on a floor with regions or tilt.
     pub(crate) fn on_floor(mut self, floor: &Floor) -> Dynamics {
         if !floor.is_even() {
@@ -219,11 +225,11 @@ impl Law {
 pub(crate) struct Runtime {
     dynamics: Dynamics,
     /// The geometry the robot works with.
-    nominal: Model,
+    nominal: Arc<Model>,
     /// Constants without the effects of the moment.
-    base: Model,
+    base: Arc<Model>,
     /// Constants of this step.
-    pub(crate) live: Model,
+    pub(crate) live: Box<Model>,
     /// Collision of this step; none outside of one.
     pub(crate) push: Push,
     /// Motor control that the description spells out.
@@ -235,16 +241,11 @@ pub(crate) struct Runtime {
 }
 
 impl Runtime {
-    pub(crate) fn new(dynamics: Dynamics, drives: Option<Drives>, nominal: &Model, base: &Model) -> Runtime {
-        let mut base = base.clone();
-        base.contact_varies |= dynamics
-            .laws
-            .iter()
-            .any(|(law, _)| matches!(law, Law::Eccentricity { .. }));
+    pub(crate) fn new(dynamics: Dynamics, drives: Option<Drives>, nominal: &Arc<Model>, base: &Arc<Model>) -> Runtime {
         Runtime {
-            nominal: nominal.clone(),
-            live: base.clone(),
-            base,
+            nominal: Arc::clone(nominal),
+            live: Box::new(Model::clone(base)),
+            base: Arc::clone(base),
             push: Push::default(),
             memory: vec![0.0; dynamics.words],
             dynamics,
@@ -275,7 +276,7 @@ impl Runtime {
         if let Some(drives) = &mut self.drives {
             drives.restore(rest);
         }
-        self.live = self.base.clone();
+        *self.live = Model::clone(&self.base);
         // What a view shows between steps: supply and gears.
         if let Some(motor) = &mut self.live.motor {
             motor.set_supply(words[1]);

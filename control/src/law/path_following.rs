@@ -1,0 +1,294 @@
+//! `path_following`: PID on the distance to a path of waypoints.
+//!
+//! The path runs from the start through the waypoints. With e the distance to its left, the robot is to return with
+//!
+//! u = k_p e + k_i int e dt + k_d de/dt        [PID; the cascade for robots that cannot move sideways: Siciliano and Khatib 2016]
+//!
+//! across the path while it drives along it. A robot that moves sideways does just that; the others point along the sum
+//! of both. A robot that turns in place stops at corners. A car-like robot drives arcs there, as tight as it may, and
+//! never bends more than its steering allows.
+
+use twin::twist::BodyTwist;
+
+use super::motion::{YAW_RATE_LIMIT_RAD_PER_S, pointing_share};
+use super::parameters::{REACH_RADIUS, SPEED, YAW_GAIN};
+use super::piece::{Piece, Place, errors};
+use super::targets::{Owner, TargetRule, YawUse};
+use super::{
+    Demand, Drive, Law, LawSpec, Observation, PATH_FOLLOWING, ParameterSpec, Parameters, RobotObservation, corner,
+};
+use crate::TICK_S;
+use crate::scenario::Scenario;
+use crate::vector::{Vector, body_from_world, dot, heading, length, right_of, scale, sub, wrap};
+
+pub(super) const SPEC: LawSpec = LawSpec {
+    name: PATH_FOLLOWING,
+    title: "Path following: PID on the distance to the path through the waypoints, corners as the chassis allows",
+    source: "PID on the cross-track distance; cascade and curvature limit after Siciliano and Khatib (eds.) 2016, Springer Handbook of Robotics",
+    targets: TargetRule {
+        owner: Owner::Robot,
+        least: 1,
+        most_each: u32::MAX,
+        yaw: YawUse::Unused,
+        apart: false,
+        meaning: "Corners of each robot's path, which begins at its start; a robot without any stands still.",
+    },
+    parameters: &[
+        SPEED,
+        ParameterSpec::quantity(
+            "distance_gain_per_s",
+            "1/s",
+            [0.1, 1.5, 5.0],
+            "k_p: speed back to the path for each metre of distance.",
+        ),
+        ParameterSpec::quantity(
+            "integral_gain_per_s2",
+            "1/s2",
+            [0.0, 0.2, 2.0],
+            "k_i: the same for each metre-second of distance gathered.",
+        ),
+        ParameterSpec::quantity(
+            "derivative_gain",
+            "",
+            [0.0, 0.1, 0.9],
+            "k_d: the same for each metre per second by which the distance changes.",
+        ),
+        YAW_GAIN,
+        REACH_RADIUS,
+    ],
+};
+
+/// Braking that the speed before corners relies on.
+const BRAKING_M_PER_S2: f64 = 0.3;
+const ACCELERATION_M_PER_S2: f64 = 0.5;
+/// Speed at which a corner is passed.
+const CORNER_M_PER_S: f64 = 0.04;
+/// A corner counts as passed this close.
+const PASSED_M: f64 = 0.012;
+/// Bends below this angle are no corners.
+const CORNER_RAD: f64 = 0.05;
+/// The return to the path is at most this share of the speed.
+const RETURN_SHARE: f64 = 0.8;
+/// Largest magnitude of the integral, and distance beyond which it rests.
+const INTEGRAL_M_S: f64 = 0.15;
+const INTEGRAL_RANGE_M: f64 = 0.15;
+
+#[derive(Debug)]
+pub struct PathFollowing {
+    robots: Vec<Progress>,
+}
+
+#[derive(Debug, Clone, Default)]
+struct Progress {
+    pieces: Vec<Piece>,
+    index: usize,
+    driven_m: f64,
+    speed_m_per_s: f64,
+    integral_m_s: f64,
+    first_yaw_rad: Option<f64>,
+    finished: bool,
+}
+
+impl PathFollowing {
+    pub fn new(scenario: &Scenario) -> PathFollowing {
+        let drives = super::drives(scenario);
+        let progress = |(i, drive): (usize, &Drive)| Progress {
+            pieces: corner::pieces(&corner::corners(scenario, i), *drive).unwrap_or_default(),
+            ..Progress::default()
+        };
+        PathFollowing {
+            robots: drives.iter().enumerate().map(progress).collect(),
+        }
+    }
+}
+
+impl Law for PathFollowing {
+    fn name(&self) -> &'static str {
+        PATH_FOLLOWING
+    }
+
+    fn step(&mut self, observation: &Observation<'_>, demands: &mut [Demand]) {
+        for (i, (progress, demand)) in self.robots.iter_mut().zip(demands).enumerate() {
+            let (Some(robot), Some(body)) = (observation.robots.get(i), observation.bodies.get(i)) else {
+                continue;
+            };
+            if !robot.pose.is_finite() {
+                demand.finished = progress.finished;
+                continue;
+            }
+            *demand = progress.follow(robot, body.drive, observation.parameters);
+        }
+    }
+}
+
+impl Progress {
+    fn follow(&mut self, robot: &RobotObservation, drive: Drive, parameters: &Parameters) -> Demand {
+        let here = Place {
+            place_m: [robot.pose.x_m, robot.pose.y_m],
+            yaw_rad: robot.pose.yaw_rad,
+        };
+        let first_yaw_rad = *self.first_yaw_rad.get_or_insert(here.yaw_rad);
+        let Some(piece) = self.pass(here.place_m) else {
+            return Demand {
+                target: here.place_m,
+                finished: true,
+                ..Demand::default()
+            };
+        };
+        let reference = piece.at(self.driven_m);
+        let [left_m, _] = errors(&reference, &here);
+        let last = self.index + 1 == self.pieces.len();
+        let to_end_m = piece.length_m - self.driven_m;
+        let reach_m = parameters.get("reach_radius_m");
+        self.finished |= last && to_end_m <= reach_m && length(sub(piece.end().place_m, here.place_m)) <= reach_m;
+        self.finished |= last && drive != Drive::Holonomic && to_end_m <= 1e-9;
+        let straight = piece.curvature_per_m == 0.0;
+        let mut demand = Demand {
+            target: reference.place_m,
+            segment: straight.then(|| [piece.from.place_m, piece.end().place_m]),
+            finished: self.finished,
+            ..Demand::default()
+        };
+        if self.finished && drive != Drive::Holonomic {
+            return demand;
+        }
+        let along_m_per_s = self.speed(to_end_m, parameters);
+        let back_m_per_s = self.back(left_m, &reference, robot, parameters);
+        demand.twist = match drive {
+            Drive::Holonomic => {
+                let world = [
+                    sub(scale(heading(reference.yaw_rad), along_m_per_s), [0.0, 0.0]),
+                    scale(right_of(heading(reference.yaw_rad)), back_m_per_s),
+                ];
+                let velocity = [world[0][0] + world[1][0], world[0][1] + world[1][1]];
+                let [forward_m_per_s, left_m_per_s] = body_from_world(velocity, here.yaw_rad);
+                let turn = parameters.get("yaw_gain_per_s") * wrap(first_yaw_rad - here.yaw_rad);
+                BodyTwist {
+                    forward_m_per_s,
+                    left_m_per_s,
+                    yaw_rate_rad_per_s: turn.clamp(-YAW_RATE_LIMIT_RAD_PER_S, YAW_RATE_LIMIT_RAD_PER_S),
+                }
+            }
+            _ => pointed(
+                drive,
+                &here,
+                &piece,
+                reference.yaw_rad,
+                [along_m_per_s, back_m_per_s],
+                parameters,
+            ),
+        };
+        demand
+    }
+
+    /// The piece that the robot is on; `None` without a path.
+    fn pass(&mut self, here_m: Vector) -> Option<Piece> {
+        let mut piece = *self.pieces.get(self.index)?;
+        self.driven_m = piece.progress_m(self.driven_m, here_m);
+        while self.index + 1 < self.pieces.len() && piece.length_m - self.driven_m <= self.slack_m() {
+            self.index += 1;
+            self.driven_m = 0.0;
+            self.integral_m_s = 0.0;
+            piece = self.pieces[self.index];
+            self.driven_m = piece.progress_m(0.0, here_m);
+        }
+        Some(piece)
+    }
+
+    /// A corner is passed this far before it; where the path is smooth, at its end.
+    fn slack_m(&self) -> f64 {
+        if self.corner_ahead() { PASSED_M } else { 1e-6 }
+    }
+
+    /// The path ends or bends at the end of the piece.
+    fn corner_ahead(&self) -> bool {
+        let (Some(piece), next) = (self.pieces.get(self.index), self.pieces.get(self.index + 1)) else {
+            return true;
+        };
+        next.is_none_or(|next| wrap(next.from.yaw_rad - piece.end().yaw_rad).abs() > CORNER_RAD)
+    }
+
+    /// Speed along the path: brakes for the next corner and the end.
+    fn speed(&mut self, to_end_m: f64, parameters: &Parameters) -> f64 {
+        let last = self.index + 1 == self.pieces.len();
+        let mut room_m = to_end_m;
+        let mut k = self.index;
+        let smooth = |k: usize| {
+            self.pieces
+                .get(k + 1)
+                .is_some_and(|next| wrap(next.from.yaw_rad - self.pieces[k].end().yaw_rad).abs() <= CORNER_RAD)
+        };
+        while smooth(k) && room_m < 1.0 {
+            k += 1;
+            room_m += self.pieces[k].length_m;
+        }
+        let braking = (2.0 * BRAKING_M_PER_S2 * room_m).sqrt();
+        // Close to the end the speed goes with what is left, so that the robot comes to rest there.
+        let approach = if last { (2.0 * room_m).max(0.01) } else { CORNER_M_PER_S };
+        let limit = braking.min(parameters.get("speed_m_per_s"));
+        let limit = if last { limit.min(approach) } else { limit.max(approach) };
+        self.speed_m_per_s = (self.speed_m_per_s + ACCELERATION_M_PER_S2 * TICK_S).min(limit);
+        if last && to_end_m <= 1e-9 {
+            0.0
+        } else {
+            self.speed_m_per_s
+        }
+    }
+
+    /// Speed to the right, back to the path.
+    fn back(&mut self, left_m: f64, reference: &Place, robot: &RobotObservation, parameters: &Parameters) -> f64 {
+        if left_m.abs() < INTEGRAL_RANGE_M {
+            self.integral_m_s = (self.integral_m_s + left_m * TICK_S).clamp(-INTEGRAL_M_S, INTEGRAL_M_S);
+        }
+        let known = robot.twist.forward_m_per_s.is_finite() && robot.twist.left_m_per_s.is_finite();
+        let twist = [robot.twist.forward_m_per_s, robot.twist.left_m_per_s];
+        let velocity = crate::vector::world_from_body(twist, robot.pose.yaw_rad);
+        let rate = if known {
+            -dot(velocity, right_of(heading(reference.yaw_rad)))
+        } else {
+            0.0
+        };
+        let wanted = parameters.get("distance_gain_per_s") * left_m
+            + parameters.get("integral_gain_per_s2") * self.integral_m_s
+            + parameters.get("derivative_gain") * rate;
+        let limit = RETURN_SHARE * parameters.get("speed_m_per_s");
+        wanted.clamp(-limit, limit)
+    }
+}
+
+/// A robot that cannot move sideways points along the sum of both speeds, `[along, back]`.
+fn pointed(
+    drive: Drive,
+    here: &Place,
+    piece: &Piece,
+    path_yaw_rad: f64,
+    [along_m_per_s, back_m_per_s]: [f64; 2],
+    parameters: &Parameters,
+) -> BodyTwist {
+    // The fixed axle follows the body origin inside of the arc, so the body points outside of it.
+    let inward_rad = match drive {
+        Drive::Steered { axle_x_m, .. } => libm::asin((-axle_x_m * piece.curvature_per_m).clamp(-0.9, 0.9)),
+        _ => 0.0,
+    };
+    let base = along_m_per_s.max(0.1);
+    let wanted_rad = path_yaw_rad - inward_rad - libm::atan2(back_m_per_s, base);
+    let error_rad = wrap(wanted_rad - here.yaw_rad);
+    let turn = parameters.get("yaw_gain_per_s") * error_rad;
+    match drive {
+        Drive::Steered { turning_radius_m, .. } => {
+            let forward_m_per_s = along_m_per_s * libm::cos(error_rad).max(0.3);
+            let limit = forward_m_per_s / turning_radius_m.max(1e-3);
+            let ahead = forward_m_per_s * piece.curvature_per_m;
+            BodyTwist {
+                forward_m_per_s,
+                left_m_per_s: 0.0,
+                yaw_rate_rad_per_s: (ahead + turn).clamp(-limit, limit),
+            }
+        }
+        _ => BodyTwist {
+            forward_m_per_s: along_m_per_s * pointing_share(error_rad),
+            left_m_per_s: 0.0,
+            yaw_rate_rad_per_s: turn.clamp(-YAW_RATE_LIMIT_RAD_PER_S, YAW_RATE_LIMIT_RAD_PER_S),
+        },
+    }
+}

@@ -1,0 +1,38 @@
+//! Benchmarks. What they mean is in `docs/speed.md`.
+
+mod twin;
+
+use anyhow::Result;
+use clap::{Args, Subcommand};
+
+use crate::End;
+
+#[derive(Args)]
+pub struct BenchArguments {
+    /// All that exist without it
+    #[command(subcommand)]
+    subject: Option<Subject>,
+}
+
+#[derive(Subcommand)]
+enum Subject {
+    /// Robot-seconds per CPU-second of the twin, natively and in Chromium; memory per robot
+    Twin(twin::TwinArguments),
+}
+
+/// `cargo xtask bench`.
+pub fn bench(arguments: &BenchArguments) -> Result<End> {
+    match &arguments.subject {
+        Some(Subject::Twin(arguments)) => twin::bench(arguments),
+        None => {
+            let end = twin::bench(&twin::TwinArguments::default())?;
+            if end != End::Good {
+                return Ok(end);
+            }
+            Ok(crate::not_yet(
+                "bench",
+                "beyond the twin's speed, shown above, nothing is benchmarked",
+            ))
+        }
+    }
+}

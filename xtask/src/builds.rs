@@ -1,0 +1,153 @@
+//! The twin gives the same bits in every build: unoptimised with overflow checks, optimised, with wider vector
+//! instructions (fused multiply-add is there and must not be used), and in the browser's engine.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result, bail};
+
+use crate::metadata::HOST_TRIPLE;
+use crate::{page, paths, run};
+
+/// Digest by the name of its trace.
+type Digests = BTreeMap<String, String>;
+
+/// Fewer traces than this are not the gallery.
+const LEAST_TRACES: usize = 200;
+/// Longest run of all traces in the browser; a few seconds are usual.
+const BROWSER_LIMIT: Duration = Duration::from_secs(180);
+/// AVX2 and fused multiply-add, as on every desktop processor since 2013.
+const WIDE_FLAGS: &str = "target.x86_64-unknown-linux-gnu.rustflags=[\"-Ctarget-cpu=x86-64-v3\"]";
+
+/// Compares the digests of all gallery scenarios, effects and residuals between the builds.
+pub fn give_equal_bits(chromium: &Path) -> Result<()> {
+    let reference = timed("dev", || native(&["--profile", "dev"]))?;
+    if reference.len() < LEAST_TRACES || reference.values().any(String::is_empty) {
+        bail!("only {} traces, or one without a digest", reference.len());
+    }
+    let others = std::thread::scope(|scope| -> Result<Vec<(&str, Digests)>> {
+        // Takes two minutes on one core, the compilation of the others the other core.
+        let slow = scope.spawn(|| timed("unoptimised", || native(&["--profile", "unoptimised"])));
+        let mut others = vec![("release", timed("release", || native(&["--release"]))?)];
+        if has_wide_vectors() {
+            others.push(("AVX2 and FMA", timed("AVX2 and FMA", wide)?));
+        } else {
+            println!("AVX2 and FMA: left out, this processor has none");
+        }
+        others.push(("WebAssembly", timed("WebAssembly", || in_browser(chromium))?));
+        let slow = slow
+            .join()
+            .map_err(|_| anyhow::anyhow!("the unoptimised build's thread broke"))?;
+        others.push(("unoptimised", slow?));
+        Ok(others)
+    })?;
+    let differences: Vec<String> = others
+        .iter()
+        .flat_map(|(build, digests)| differing(build, &reference, digests))
+        .collect();
+    if !differences.is_empty() {
+        bail!("{} digests differ: {}", differences.len(), differences.join(", "));
+    }
+    println!(
+        "{} traces in {} builds, all digests equal",
+        reference.len(),
+        others.len() + 1
+    );
+    Ok(())
+}
+
+fn timed(build: &str, digests: impl FnOnce() -> Result<Digests>) -> Result<Digests> {
+    let begun = Instant::now();
+    let got = digests().with_context(|| format!("build {build}"))?;
+    println!(
+        "{build}: {} traces, {:.0} s with its compilation",
+        got.len(),
+        begun.elapsed().as_secs_f64()
+    );
+    Ok(got)
+}
+
+fn native(arguments: &[&str]) -> Result<Digests> {
+    let mut command = run::cargo([
+        "run",
+        "--quiet",
+        "--locked",
+        "--package",
+        "control",
+        "--example",
+        "digests",
+    ]);
+    read(command.args(arguments))
+}
+
+fn read(command: &mut Command) -> Result<Digests> {
+    serde_json::from_str(&run::read(command)?).context("digests as JSON")
+}
+
+#[cfg(target_arch = "x86_64")]
+fn has_wide_vectors() -> bool {
+    std::is_x86_feature_detected!("avx2") && std::is_x86_feature_detected!("fma")
+}
+
+#[cfg(not(target_arch = "x86_64"))]
+fn has_wide_vectors() -> bool {
+    false
+}
+
+/// In a folder of its own: other flags would throw away what the usual build has made.
+fn wide() -> Result<Digests> {
+    let program_folder = paths::program_folder()?;
+    let folder = program_folder.parent().context("no target folder")?.join("x86-64-v3");
+    let mut command = run::cargo([
+        "run",
+        "--quiet",
+        "--locked",
+        "--package",
+        "control",
+        "--example",
+        "digests",
+    ]);
+    command.args(["--target", HOST_TRIPLE, "--config", WIDE_FLAGS, "--target-dir"]);
+    read(
+        command
+            .arg(folder)
+            .env_remove("RUSTFLAGS")
+            .env_remove("CARGO_ENCODED_RUSTFLAGS"),
+    )
+}
+
+fn in_browser(chromium: &Path) -> Result<Digests> {
+    let text = page::evaluate(chromium, "return sim.gallery_digests();", BROWSER_LIMIT)?;
+    serde_json::from_str(&text).context("digests as JSON")
+}
+
+/// Names whose digests differ or that one side lacks.
+fn differing(build: &str, reference: &Digests, other: &Digests) -> Vec<String> {
+    let names = reference
+        .keys()
+        .chain(other.keys().filter(|name| !reference.contains_key(*name)));
+    names
+        .filter(|name| reference.get(*name) != other.get(*name))
+        .map(|name| format!("{name} ({build})"))
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_changed_a_missing_and_a_further_trace_are_differences() {
+        let digests = |rows: &[(&str, &str)]| -> Digests {
+            rows.iter()
+                .map(|(name, digest)| ((*name).to_owned(), (*digest).to_owned()))
+                .collect()
+        };
+        let reference = digests(&[("a", "1"), ("b", "2"), ("c", "3")]);
+        assert!(differing("x", &reference, &reference).is_empty());
+        let other = digests(&[("a", "1"), ("b", "9"), ("d", "4")]);
+        assert_eq!(differing("x", &reference, &other), ["b (x)", "c (x)", "d (x)"]);
+    }
+}
