@@ -5,13 +5,14 @@
 
 mod common;
 
-use common::{Pcg, lab_robot};
+use common::{CHASSIS, Pcg, chassis_robot};
 use control::TICK_S;
 use control::law::RobotObservation;
 use control::safety::{FilterBody, Geofence, Limits, SafetyFilter};
 use twin::command::WheelCommand;
+use twin::effect::Effect;
 use twin::pose::Pose;
-use twin::robot::Robot;
+use twin::robot::{Robot, RobotDescription};
 use twin::twist::BodyTwist;
 use twin::world::{Arena, Contents, World};
 
@@ -23,24 +24,29 @@ const RADIUS_M: f64 = 0.25;
 const AGE_TICKS: usize = 2;
 /// A robot that hears nothing for this long stops its wheels.
 const SILENT_TICKS: usize = 12;
+const HARD_LAG_S: f64 = 0.15;
 /// Numbers of the adversary, in [0, 1]: for the whole run, and for each robot.
 const COMMON_GENES: usize = 4;
 const GENES: usize = 7;
 
-fn robot(like: &str) -> Robot {
-    let description = match like {
-        "awd" => {
-            let all: serde_json::Value = serde_json::from_str(include_str!("../gallery/robots.json")).expect("robots");
-            let found = all
-                .as_array()
-                .expect("robots")
-                .iter()
-                .find(|r| r["description"]["chassis"] == "awd");
-            found.expect("awd")["description"].clone()
-        }
-        _ => lab_robot(like, "r")["description"].clone(),
-    };
-    Robot::new(serde_json::from_value(description).expect("description")).expect("robot")
+fn description(chassis: &str) -> RobotDescription {
+    serde_json::from_value(chassis_robot(chassis, "r")["description"].clone()).expect("description")
+}
+
+fn robot(chassis: &str) -> Robot {
+    Robot::new(description(chassis)).expect("robot")
+}
+
+/// What differs from the nominal robot that the filter knows: friction of 0.3, up to 60 % more mass, motors that lag.
+fn hard(chassis: &str, load: f64) -> Robot {
+    let nominal = description(chassis);
+    let effects = serde_json::json!([
+        {"name": "floor_friction", "index": null, "parameters": {"scale": 0.3 / nominal.floor_friction}},
+        {"name": "payload", "index": null, "parameters": {"mass": 0.6 * load * nominal.mass_kg}},
+        {"name": "motor_lag", "index": null, "parameters": {"time_constant": HARD_LAG_S}}
+    ]);
+    let effects: Vec<Effect> = serde_json::from_value(effects).expect("effects");
+    Robot::with_effects(nominal, &effects).expect("robot")
 }
 
 fn contents() -> Contents {
@@ -63,17 +69,18 @@ struct Attack {
     kinds: Vec<&'static str>,
     seed: u64,
     furnished: bool,
+    hard: bool,
     genes: Vec<f64>,
     ticks: usize,
 }
 
 impl Attack {
-    fn random(random: &mut Pcg, n: usize, furnished: bool, ticks: usize) -> Attack {
-        let kinds = ["omni-01", "diff-01", "awd"];
+    fn random(random: &mut Pcg, n: usize, [furnished, hard]: [bool; 2], ticks: usize) -> Attack {
         Attack {
-            kinds: (0..n).map(|_| kinds[(random.next() % 3) as usize]).collect(),
+            kinds: (0..n).map(|_| CHASSIS[(random.next() % 6) as usize]).collect(),
             seed: u64::from(random.next()),
             furnished,
+            hard,
             genes: (0..COMMON_GENES + GENES * n)
                 .map(|_| random.between(0.0, 1.0))
                 .collect(),
@@ -216,10 +223,18 @@ fn run(attack: &Attack) -> Worst {
     let mut random = Pcg(attack.seed);
     let poses = starts(&mut random, n, &contents);
     let robots: Vec<Robot> = attack.kinds.iter().map(|kind| robot(kind)).collect();
-    let placed = robots
+    let plant = |kind: &&'static str| {
+        if attack.hard {
+            hard(kind, attack.genes[3])
+        } else {
+            robot(kind)
+        }
+    };
+    let placed = attack
+        .kinds
         .iter()
         .zip(&poses)
-        .map(|(robot, pose)| (robot.clone(), *pose, RADIUS_M))
+        .map(|(kind, pose)| (plant(kind), *pose, RADIUS_M))
         .collect();
     let mut world = World::furnished(ARENA, contents.clone(), placed)
         .expect("world")
@@ -230,6 +245,10 @@ fn run(attack: &Attack) -> Worst {
     });
     let mut filter = SafetyFilter::new(Limits::default(), [ARENA.width_m, ARENA.height_m], bodies.collect())
         .with_contents(&contents);
+    if attack.hard {
+        // The measured delay of the link and the robot, lag included.
+        (0..n).for_each(|i| filter.set_latency_s(i, Limits::default().latency_s + HARD_LAG_S));
+    }
     let loss = 0.3 * attack.genes[0];
     let mut sent: Vec<Vec<WheelCommand>> = Vec::new();
     let mut seen: Vec<Vec<Pose>> = Vec::new();
@@ -313,7 +332,7 @@ fn sampled_attacks_end_without_contact() {
     let mut random = Pcg(2024);
     let mut all = Worst::NONE;
     for k in 0..runs {
-        let attack = Attack::random(&mut random, 1 + k % 6, k % 2 == 0, 1200);
+        let attack = Attack::random(&mut random, 1 + k % 6, [k % 2 == 0, k / 2 % 2 == 1], 1200);
         let worst = run(&attack);
         assert!(worst.least() > 0.0, "{k}: {worst:?} {attack:?}");
         all = all.with(&worst);
@@ -329,14 +348,14 @@ fn sampled_attacks_end_without_contact() {
 #[test]
 fn a_search_for_a_collision_finds_none() {
     let evaluations = soak(160);
-    for (n, furnished) in [(1, true), (2, false), (3, true)] {
+    for (n, furnished, hard) in [(1, true, false), (2, false, false), (3, true, true)] {
         let mut random = Pcg(77 + n as u64);
-        let mut best = Attack::random(&mut random, n, furnished, 600);
+        let mut best = Attack::random(&mut random, n, [furnished, hard], 600);
         let mut least = run(&best).least();
         let mut step = 0.3;
         for k in 0..evaluations / 3 {
             let attack = if k < evaluations / 9 {
-                Attack::random(&mut random, n, furnished, 600)
+                Attack::random(&mut random, n, [furnished, hard], 600)
             } else {
                 let mut attack = best.clone();
                 for gene in &mut attack.genes {
@@ -377,7 +396,7 @@ fn one_robot_stays_in_its_fence() {
     let fence = Geofence::polygon(&corners).expect("fence");
     let mut least = f64::INFINITY;
     for k in 0..runs {
-        let kind = ["omni-01", "diff-01", "awd"][k % 3];
+        let kind = CHASSIS[k % 6];
         let robot = robot(kind);
         let start = Pose {
             x_m: random.between(-1.0, 0.0),

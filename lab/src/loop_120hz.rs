@@ -406,6 +406,7 @@ fn explain(cause: &Cause, robots: &[LoopRobot]) -> (SafetyKind, &'static str, Op
         Cause::Turn => (SafetyKind::Speed, "turn", None),
         Cause::WheelSpeed => (SafetyKind::Speed, "wheel_speed", None),
         Cause::PoseAge => (SafetyKind::Stop, "pose_age", None),
+        Cause::Latency => (SafetyKind::Stop, "latency", None),
         Cause::Offline => (SafetyKind::Stop, "offline", None),
         Cause::NotFinite => (SafetyKind::Stop, "not_finite", None),
         Cause::Infeasible => (SafetyKind::Stop, "infeasible", None),

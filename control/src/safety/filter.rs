@@ -48,6 +48,8 @@ pub struct SafetyFilter {
     chassis: Vec<Chassis>,
     radii_m: Vec<f64>,
     latencies_s: Vec<f64>,
+    /// The measured delay is one that the filter can answer for.
+    latency_known: Vec<bool>,
     easy: Vec<[f64; 2]>,
     planar: Vec<bool>,
     // What the next tick depends on.
@@ -106,7 +108,7 @@ impl SafetyFilter {
             .into_iter()
             .map(|body| Chassis::new(body.robot, &limits))
             .collect();
-        let listing = Listing::new(n, &scene);
+        let listing = Listing::new(&chassis, &scene);
         let rows = listing.rows.capacity();
         let stopped = Filtered {
             command: STOP,
@@ -120,6 +122,7 @@ impl SafetyFilter {
             chassis,
             radii_m,
             latencies_s: vec![limits.latency_s; n],
+            latency_known: vec![true; n],
             places: vec![Place::STILL; n],
             pipelines: vec![Pipeline::new(); n],
             steering_rad: vec![0.0; n],
@@ -174,18 +177,20 @@ impl SafetyFilter {
         &self.limits
     }
 
+    /// Longest delay that the filter can answer for, s: what it remembers of its commands less [`Limits::oldest_pose_s`].
+    pub fn longest_latency_s(&self) -> f64 {
+        super::pipeline::DEPTH as f64 * TICK_S - self.limits.oldest_pose_s
+    }
+
     /// Measured delay of the link to a robot and of the robot itself, s; the default is [`Limits::latency_s`].
     ///
-    /// What is not finite or longer than the pipeline remembers counts as the longest.
+    /// A robot whose delay is longer than [`SafetyFilter::longest_latency_s`], negative or not finite stands still until
+    /// the next measurement.
     pub fn set_latency_s(&mut self, robot: usize, latency_s: f64) {
-        let longest_s = super::pipeline::DEPTH as f64 * TICK_S - self.limits.oldest_pose_s;
-        let known = if latency_s.is_finite() {
-            latency_s.clamp(0.0, longest_s)
-        } else {
-            longest_s
-        };
-        if let Some(slot) = self.latencies_s.get_mut(robot) {
-            *slot = known;
+        let longest_s = self.longest_latency_s();
+        if let (Some(slot), Some(known)) = (self.latencies_s.get_mut(robot), self.latency_known.get_mut(robot)) {
+            *known = (0.0..=longest_s).contains(&latency_s);
+            *slot = if *known { latency_s } else { longest_s };
         }
     }
 

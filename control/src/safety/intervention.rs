@@ -50,6 +50,8 @@ pub enum Cause {
     Deadlock,
     /// The pose is too old or was never known.
     PoseAge,
+    /// The measured delay of link and robot is longer than the filter can answer for.
+    Latency,
     /// The link to the robot is down.
     Offline,
     /// Pose or desired twist is not a finite number.
@@ -103,6 +105,7 @@ impl Cause {
             | Cause::PushableObstacle { .. } => "wall",
             Cause::Speed | Cause::WheelSpeed | Cause::Steering | Cause::Turn => "speed",
             Cause::PoseAge
+            | Cause::Latency
             | Cause::Offline
             | Cause::NotFinite
             | Cause::Infeasible

@@ -38,6 +38,8 @@ pub struct Listing {
     pub shared: usize,
     /// First position and number of each robot's own limits.
     pub own: Vec<[u32; 2]>,
+    /// Some robot is steered.
+    steered: bool,
 }
 
 const WALLS: u64 = 1 << 60;
@@ -45,10 +47,15 @@ const FENCE: u64 = 2 << 60;
 const OBSTACLES: u64 = 3 << 60;
 const OWN: u64 = 4 << 60;
 
-/// `later`: for the heading after the turns that are on their way.
-fn key(kind: u64, robot: usize, item: usize, later: bool) -> u64 {
-    kind | (robot as u64) << 28 | (item as u64) << 2 | u64::from(later)
+/// Rows against one thing: `way` of steered robots, `side` inside the margin, `later` for the heading after the turns
+/// that are on their way.
+fn key(kind: u64, robot: usize, item: usize, [way, side, later]: [usize; 3]) -> u64 {
+    kind | (robot as u64) << 28 | (item as u64) << 4 | (way as u64) << 2 | (side as u64) << 1 | later as u64
 }
+
+/// Most rows of a pair or of a robot against one thing: two sides, two headings, two ways of each steered robot.
+const PAIR_ROWS: [usize; 2] = [4, 16];
+const SINGLE_ROWS: [usize; 2] = [4, 8];
 
 /// For how long a velocity may turn with the body before a command of the next tick bends it back.
 pub fn swing_s(place: &Place, limits: &Limits) -> f64 {
@@ -57,17 +64,19 @@ pub fn swing_s(place: &Place, limits: &Limits) -> f64 {
 
 impl Listing {
     /// Room for everything that can matter at once.
-    pub fn new(robots: usize, scene: &Scene) -> Listing {
+    pub fn new(chassis: &[Chassis], scene: &Scene) -> Listing {
+        let steered = chassis.iter().any(|one| matches!(one.motion, Motion::Steered { .. }));
         Listing {
-            rows: Vec::with_capacity(capacity(robots, scene)),
+            rows: Vec::with_capacity(capacity(chassis.len(), scene, steered)),
             shared: 0,
-            own: vec![[0, 0]; robots],
+            own: vec![[0, 0]; chassis.len()],
+            steered,
         }
     }
 
     /// Makes room for another fence.
     pub fn reserve(&mut self, scene: &Scene) {
-        let wanted = capacity(self.own.len(), scene);
+        let wanted = capacity(self.own.len(), scene, self.steered);
         self.rows.reserve(wanted.saturating_sub(self.rows.len()));
     }
 
@@ -84,7 +93,7 @@ impl Listing {
             let first = self.rows.len();
             if robots.places[i].movable {
                 robots.chassis[i].own_rows(i as u32, robots.desired[i], robots.curvature[i], &mut |row: Row| {
-                    let key = key(OWN, i, self.rows.len() - first, false);
+                    let key = key(OWN, i, self.rows.len() - first, [0; 3]);
                     self.rows.extend(Row { key, ..row }.normalised());
                 });
             }
@@ -93,10 +102,11 @@ impl Listing {
     }
 }
 
-fn capacity(robots: usize, scene: &Scene) -> usize {
+fn capacity(robots: usize, scene: &Scene, steered: bool) -> usize {
     let fence = scene.fence.as_ref().map_or(0, Geofence::sides);
-    let each = 4 * (4 + fence + scene.bodies.len().min(MAX_OBSTACLES)) + OWN_ROWS;
-    2 * robots * robots.saturating_sub(1) + robots * each
+    let things = 4 + fence + scene.bodies.len().min(MAX_OBSTACLES);
+    let pairs = robots * robots.saturating_sub(1) / 2;
+    PAIR_ROWS[usize::from(steered)] * pairs + robots * (SINGLE_ROWS[usize::from(steered)] * things + OWN_ROWS)
 }
 
 /// True when more obstacles are within reach than are looked at.
@@ -176,25 +186,25 @@ fn pair([i, j]: [usize; 2], line: Vector, distance_m: f64, robots: &Robots, limi
     if bound < -2.0 * limits.speed_m_per_s {
         return;
     }
-    let part = |k: usize, n: Vector, later: bool| {
-        if robots.places[k].movable {
-            gradient(k, n, later, robots, limits)
-        } else {
-            [0.0; 3]
-        }
-    };
     let turns = (a.movable && a.turns) || (b.movable && b.turns);
     let (normals, count) = if bound > 0.0 { ([n, n], 1) } else { forbidden(gap_m, n) };
-    for (side, normal) in normals.into_iter().take(count).enumerate() {
-        for later in [false, true].into_iter().take(1 + usize::from(turns)) {
-            let row = Row {
-                key: key(0, j, i, later) | (side as u64) << 1,
-                robots: [i as u32, j as u32],
-                gradient: [part(i, normal, later), part(j, scale(normal, -1.0), later)],
-                normal,
-                ..Row::own(i as u32, Source::Robot, [0.0; 3], bound)
-            };
-            rows.extend(row.normalised());
+    let [ways_a, ways_b] = [i, j].map(|k| ways(k, robots));
+    for way in 0..ways_a * ways_b {
+        for (side, normal) in normals.into_iter().take(count).enumerate() {
+            for later in 0..1 + usize::from(turns) {
+                let part = |k: usize, n: Vector, way: usize| gradient(k, n, later == 1, way, robots, limits);
+                let row = Row {
+                    key: key(0, j, i, [way, side, later]),
+                    robots: [i as u32, j as u32],
+                    gradient: [
+                        part(i, normal, way % ways_a),
+                        part(j, scale(normal, -1.0), way / ways_a),
+                    ],
+                    normal,
+                    ..Row::own(i as u32, Source::Robot, [0.0; 3], bound)
+                };
+                rows.extend(row.normalised());
+            }
         }
     }
 }
@@ -204,27 +214,41 @@ fn coming(place: &Place, n: Vector) -> f64 {
     dot(n, place.velocity).max(dot(n, place.commanded))
 }
 
-/// Gradient of the velocity along `n` of one robot.
+/// A steered robot keeps its arc and points elsewhere before it can be told otherwise, forwards and backwards.
+fn ways(i: usize, robots: &Robots) -> usize {
+    let steered = robots.places[i].movable && matches!(robots.chassis[i].motion, Motion::Steered { .. });
+    1 + usize::from(steered && robots.curvature[i] * robots.desired[i][0] != 0.0)
+}
+
+/// Gradient of the velocity along `n` of one robot; zero for one that is not steered by the filter.
 ///
-/// A steered robot keeps its arc: of the directions it has before it can be told otherwise, the one that approaches most.
-fn gradient(i: usize, n: Vector, later: bool, robots: &Robots, limits: &Limits) -> Numbers {
+/// With two ways the worse of the heading now, `g`, and at the end of the arc counts, ahead or astern: `min(g, g_ahead) u`
+/// for `u > 0` and `max(g, g_astern) u` for `u < 0`. That is the lesser of two lines, one row for each.
+fn gradient(i: usize, n: Vector, later: bool, way: usize, robots: &Robots, limits: &Limits) -> Numbers {
     let (place, chassis, curvature) = (&robots.places[i], &robots.chassis[i], robots.curvature[i]);
-    let now = chassis.gradient(place.body_from_world(n, later), curvature);
-    let speed = robots.desired[i][0];
-    if !matches!(chassis.motion, Motion::Steered { .. }) || speed == 0.0 || curvature == 0.0 {
+    if !place.movable {
+        return [0.0; 3];
+    }
+    let [x, y] = place.body_from_world(n, later);
+    let now = chassis.gradient([x, y], curvature);
+    if ways(i, robots) == 1 {
         return now;
     }
-    let [c, s] = heading(curvature * speed * swing_s(place, limits));
-    let [x, y] = place.body_from_world(n, later);
-    let swung = chassis.gradient([c * x + s * y, c * y - s * x], curvature);
-    if swung[0] * speed < now[0] * speed { swung } else { now }
+    let [c, s] = heading(curvature * robots.desired[i][0].abs() * swing_s(place, limits));
+    if way == 0 {
+        let ahead = chassis.gradient([c * x + s * y, c * y - s * x], curvature);
+        [now[0].min(ahead[0]), 0.0, 0.0]
+    } else {
+        let astern = chassis.gradient([c * x - s * y, c * y + s * x], curvature);
+        [now[0].max(astern[0]), 0.0, 0.0]
+    }
 }
 
 /// Adds the row of robot `i` against something at `distance_m` of its centre, unless it is out of reach.
 #[allow(clippy::too_many_arguments, reason = "one row, each argument one of its parts")]
 fn against(
     i: usize,
-    key: u64,
+    [kind, item]: [u64; 2],
     source: Source,
     distance_m: f64,
     n: Vector,
@@ -248,11 +272,17 @@ fn against(
         return;
     }
     let (normals, count) = if bound > 0.0 { ([n, n], 1) } else { forbidden(gap_m, n) };
-    for (side, normal) in normals.into_iter().take(count).enumerate() {
-        for later in [false, true].into_iter().take(1 + usize::from(place.turns)) {
-            let row = Row::own(i as u32, source, gradient(i, normal, later, robots, limits), bound);
-            let key = key | (side as u64) << 1 | u64::from(later);
-            rows.extend(Row { key, normal, ..row }.normalised());
+    for way in 0..ways(i, robots) {
+        for (side, normal) in normals.into_iter().take(count).enumerate() {
+            for later in 0..1 + usize::from(place.turns) {
+                let gradient = gradient(i, normal, later == 1, way, robots, limits);
+                let row = Row {
+                    key: key(kind, i, item as usize, [way, side, later]),
+                    normal,
+                    ..Row::own(i as u32, source, gradient, bound)
+                };
+                rows.extend(row.normalised());
+            }
         }
     }
 }
@@ -268,7 +298,7 @@ fn walls(i: usize, at: Vector, robots: &Robots, scene: &Scene, limits: &Limits, 
     for (item, (side, n, distance_m)) in all.into_iter().enumerate() {
         against(
             i,
-            key(WALLS, i, item, false),
+            [WALLS, item as u64],
             Source::Wall(side),
             distance_m,
             n,
@@ -291,7 +321,7 @@ fn sides(i: usize, at: Vector, robots: &Robots, fence: &Geofence, limits: &Limit
             let source = Source::Fence(side as u32);
             against(
                 i,
-                key(FENCE, i, side, false),
+                [FENCE, side as u64],
                 source,
                 distance_m,
                 n,
@@ -308,7 +338,7 @@ fn sides(i: usize, at: Vector, robots: &Robots, fence: &Geofence, limits: &Limit
         let source = Source::Fence(side as u32);
         against(
             i,
-            key(FENCE, i, side, false),
+            [FENCE, side as u64],
             source,
             distance_m,
             n,
@@ -335,7 +365,7 @@ fn obstacles(i: usize, at: Vector, robots: &Robots, scene: &Scene, limits: &Limi
         };
         against(
             i,
-            key(OBSTACLES, i, item, false),
+            [OBSTACLES, item as u64],
             source,
             distance_m,
             n,

@@ -34,7 +34,8 @@ impl SafetyFilter {
         self.slowing[i] = false;
         self.swung[i] = false;
         self.steered_out[i] = false;
-        let stop = stop_cause(observation, wanted, &limits);
+        let late = || (!self.latency_known[i]).then_some(Cause::Latency);
+        let stop = stop_cause(observation, wanted, &limits).or_else(late);
         self.stops[i] = stop;
         place.movable = stop.is_none();
         let Some(seen) = observation.filter(|seen| seen.pose.is_finite()) else {
