@@ -161,6 +161,11 @@ impl Team {
         self.filter.deadlocks()
     }
 
+    /// Robots hold each other and every attempt to resolve it has failed: the run should end.
+    pub fn is_stuck(&self) -> bool {
+        self.deadlocks().any(|deadlock| deadlock.given_up)
+    }
+
     /// All robots have been finished for [`REST_TICKS`].
     pub fn is_done(&self) -> bool {
         self.rest_ticks >= REST_TICKS

@@ -24,6 +24,8 @@ const RADIUS_M: f64 = 0.25;
 const AGE_TICKS: usize = 2;
 /// A robot that hears nothing for this long stops its wheels.
 const SILENT_TICKS: usize = 12;
+/// Longest delay of the link in a run.
+const LINK_S: f64 = 0.08;
 const HARD_LAG_S: f64 = 0.15;
 /// Numbers of the adversary, in [0, 1]: for the whole run, and for each robot.
 const COMMON_GENES: usize = 4;
@@ -47,6 +49,47 @@ fn hard(chassis: &str, load: f64) -> Robot {
     ]);
     let effects: Vec<Effect> = serde_json::from_value(effects).expect("effects");
     Robot::with_effects(nominal, &effects).expect("robot")
+}
+
+/// Measured delay from set-points to motion: the mean delay of the answer to a step, the greater of driving and turning.
+fn answer_s(plant: &Robot) -> f64 {
+    let turning = if plant.max_steering_rad() > 0.0 {
+        0.0
+    } else {
+        step_s(plant, 0.0, 0.4)
+    };
+    step_s(plant, 0.1, 0.0).max(turning)
+}
+
+fn step_s(plant: &Robot, forward_m_per_s: f64, yaw_rate_rad_per_s: f64) -> f64 {
+    let start = Pose {
+        x_m: 0.0,
+        y_m: 0.0,
+        yaw_rad: 0.0,
+    };
+    let arena = Arena {
+        width_m: 20.0,
+        height_m: 20.0,
+    };
+    let mut world = World::new(arena, vec![(plant.clone(), start, RADIUS_M)]).expect("world");
+    let wheels = plant.wheel_speeds(BodyTwist {
+        forward_m_per_s,
+        left_m_per_s: 0.0,
+        yaw_rate_rad_per_s,
+    });
+    let answers: Vec<f64> = (0..360)
+        .map(|_| {
+            world.step(&[wheels]).expect("step");
+            let twist = world.state(0).twist;
+            if forward_m_per_s > 0.0 {
+                twist.forward_m_per_s
+            } else {
+                twist.yaw_rate_rad_per_s
+            }
+        })
+        .collect();
+    let last = answers[answers.len() - 1];
+    answers.iter().map(|answer| (1.0 - answer / last) * TICK_S).sum()
 }
 
 fn contents() -> Contents {
@@ -223,7 +266,7 @@ fn run(attack: &Attack) -> Worst {
     let mut random = Pcg(attack.seed);
     let poses = starts(&mut random, n, &contents);
     let robots: Vec<Robot> = attack.kinds.iter().map(|kind| robot(kind)).collect();
-    let plant = |kind: &&'static str| {
+    let plant = |kind: &str| {
         if attack.hard {
             hard(kind, attack.genes[3])
         } else {
@@ -246,8 +289,9 @@ fn run(attack: &Attack) -> Worst {
     let mut filter = SafetyFilter::new(Limits::default(), [ARENA.width_m, ARENA.height_m], bodies.collect())
         .with_contents(&contents);
     if attack.hard {
-        // The measured delay of the link and the robot, lag included.
-        (0..n).for_each(|i| filter.set_latency_s(i, Limits::default().latency_s + HARD_LAG_S));
+        for (i, kind) in attack.kinds.iter().enumerate() {
+            filter.set_latency_s(i, LINK_S + answer_s(&plant(kind)));
+        }
     }
     let loss = 0.3 * attack.genes[0];
     let mut sent: Vec<Vec<WheelCommand>> = Vec::new();
@@ -446,4 +490,16 @@ fn one_robot_stays_in_its_fence() {
     }
     println!("{runs} runs of 5 s in an L-shaped fence: smallest distance {least:.4} m");
     assert!(least > 0.0);
+}
+
+/// What the default of 0.1 s has to cover, and what the hard plant takes.
+#[test]
+fn delays_of_the_plants_are_within_what_the_filter_answers_for() {
+    let filter = SafetyFilter::new(Limits::default(), [ARENA.width_m, ARENA.height_m], Vec::new());
+    for chassis in CHASSIS {
+        let (nominal_s, hard_s) = (answer_s(&robot(chassis)), answer_s(&hard(chassis, 1.0)));
+        println!("{chassis}: {nominal_s:.4} s, hard {hard_s:.4} s");
+        assert!(nominal_s > 0.0 && hard_s > nominal_s, "{chassis}");
+        assert!(LINK_S + hard_s < filter.longest_latency_s(), "{chassis}");
+    }
 }

@@ -29,6 +29,8 @@ const REST_TURN_RAD: f64 = 0.02;
 const REST_SPAN_US: i64 = 100_000;
 /// Time from the start of the thread to the first tick.
 const LEAD_NS: i64 = 20_000_000;
+/// A tick that begins later than this after its time gets no new commands; see [`Team::missed_tick`].
+const DEADLINE_NS: i64 = 4_000_000;
 /// Telemetry further apart than this says nothing about the travel between.
 const TRAVEL_GAP_S: f64 = 0.05;
 
@@ -81,10 +83,12 @@ pub fn run(setup: Setup) -> LoopResult {
         let due_ns = schedule.due_ns();
         wait_until_ns(due_ns);
         let woke_ns = monotonic_ns();
+        let missed_before = schedule.missed();
         let Due { slot, late_ns } = schedule.wake(woke_ns);
+        let overdue = overdue_ticks(late_ns, schedule.missed() - missed_before);
         ticks += 1;
         let woke_us = woke_ns / 1000;
-        let ended = control_loop.tick(slot);
+        let ended = control_loop.tick(slot, overdue);
         schedule.done(monotonic_ns());
         let tick = Tick {
             tick: slot,
@@ -131,7 +135,7 @@ impl ControlLoop {
     }
 
     /// One tick; the ending comes out when everything is at rest.
-    fn tick(&mut self, slot: i64) -> Option<Ending> {
+    fn tick(&mut self, slot: i64, overdue: u32) -> Option<Ending> {
         self.take_poses();
         self.take_telemetry();
         let now_us = monotonic_us();
@@ -142,12 +146,13 @@ impl ControlLoop {
             robots: &self.health,
             signals: (self.setup.signals)(),
             team_finished: self.setup.team.is_done(),
+            team_stuck: self.setup.team.is_stuck(),
             time_over: slot >= self.setup.duration_ticks,
         };
         match self.safety.tick(&inputs) {
             Permission::Drive => {
                 self.note_hold(false);
-                self.drive(slot, now_us);
+                self.drive(slot, now_us, overdue);
                 None
             }
             Permission::Hold => {
@@ -246,7 +251,7 @@ impl ControlLoop {
         }
     }
 
-    fn drive(&mut self, slot: i64, now_us: i64) {
+    fn drive(&mut self, slot: i64, now_us: i64, overdue: u32) {
         let Self {
             setup,
             observations,
@@ -256,7 +261,14 @@ impl ControlLoop {
         let Setup {
             team, robots, recorder, ..
         } = setup;
-        let outputs = team.tick(observations);
+        for _ in 1..overdue {
+            team.missed_tick();
+        }
+        let outputs = if overdue > 0 {
+            team.missed_tick()
+        } else {
+            team.tick(observations)
+        };
         for ((robot, output), health) in robots.iter_mut().zip(outputs).zip(health.iter()) {
             let sent = robot.port.drive(&output.safe, link_tick(slot));
             let number = robot.port.robot().number;
@@ -361,6 +373,16 @@ impl LoopRobot {
     }
 }
 
+/// Ticks in a row, up to this one, that came too late for new commands: none when it is in time, two when ticks before it
+/// were dropped.
+fn overdue_ticks(late_ns: i64, dropped: i64) -> u32 {
+    match (late_ns > DEADLINE_NS, dropped > 0) {
+        (false, _) => 0,
+        (true, false) => 1,
+        (true, true) => 2,
+    }
+}
+
 /// Tick field of a frame.
 fn link_tick(slot: i64) -> u32 {
     u32::try_from(slot).unwrap_or(0)
@@ -412,5 +434,18 @@ fn explain(cause: &Cause, robots: &[LoopRobot]) -> (SafetyKind, &'static str, Op
         Cause::Infeasible => (SafetyKind::Stop, "infeasible", None),
         Cause::NotConverged => (SafetyKind::Stop, "not_converged", None),
         Cause::Late => (SafetyKind::Stop, "late", None),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tick_in_time_gets_new_commands_whatever_was_dropped_before() {
+        assert_eq!(overdue_ticks(DEADLINE_NS, 0), 0);
+        assert_eq!(overdue_ticks(DEADLINE_NS, 3), 0);
+        assert_eq!(overdue_ticks(DEADLINE_NS + 1, 0), 1);
+        assert_eq!(overdue_ticks(DEADLINE_NS + 1, 1), 2);
     }
 }

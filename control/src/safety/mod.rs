@@ -85,7 +85,7 @@ impl Default for Limits {
             approach_gain_per_s: 2.0,
             braking_m_per_s2: 1.0,
             stopping_m_per_s2: 2.0,
-            latency_s: 0.1,
+            latency_s: 0.18,
             hold_s: 0.05,
             oldest_pose_s: 0.1,
             stale_growth_m_per_s: 0.5,

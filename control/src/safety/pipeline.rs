@@ -4,7 +4,7 @@ use crate::TICK_S;
 use crate::vector::{Vector, add, scale};
 
 /// Ticks that are remembered.
-pub const DEPTH: usize = 48;
+pub const DEPTH: usize = 64;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Sent {
@@ -65,11 +65,11 @@ mod tests {
     #[test]
     fn sums_what_was_sent_in_the_window() {
         let mut pipeline = Pipeline::new();
-        for k in 0..60 {
+        for k in 0..80 {
             pipeline.push([f64::from(k), 0.0], 1.0);
         }
         let (moved, turned) = pipeline.pending(2.5 * TICK_S);
-        assert!((moved[0] - (59.0 + 58.0 + 0.5 * 57.0) * TICK_S).abs() < 1e-12);
+        assert!((moved[0] - (79.0 + 78.0 + 0.5 * 77.0) * TICK_S).abs() < 1e-12);
         assert!((turned - 2.5 * TICK_S).abs() < 1e-12);
         let (_, all) = pipeline.pending(1e9);
         assert!((all - DEPTH as f64 * TICK_S).abs() < 1e-12);
