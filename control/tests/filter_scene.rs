@@ -521,3 +521,22 @@ fn the_way_back_into_a_fence_is_free() {
     filter.reset();
     assert_eq!(filter.apply(&[outside], &[twist(-0.3, 0.0, 0.0)])[0].intervention, None);
 }
+
+#[test]
+fn a_robot_whose_delay_is_longer_than_what_is_remembered_stands_still() {
+    let bodies = vec![body("omni-01", 0.25), body("omni-02", 0.25)];
+    let mut filter = SafetyFilter::new(Limits::default(), ARENA_M, bodies);
+    let longest_s = filter.longest_latency_s();
+    let robots = [seen(-1.0, 0.0, 0.0), seen(1.0, 0.0, 0.0)];
+    let wanted = [twist(0.3, 0.0, 0.0); 2];
+    for latency_s in [longest_s + 1e-3, -1e-3, f64::NAN, f64::INFINITY] {
+        filter.set_latency_s(1, latency_s);
+        let filtered = filter.apply(&robots, &wanted).to_vec();
+        assert_eq!(filtered[0].command.twist(), wanted[0]);
+        assert_eq!(filtered[1].command.twist(), BodyTwist::default());
+        assert_eq!(filtered[1].intervention.expect("record").cause, Cause::Latency);
+    }
+    filter.set_latency_s(1, longest_s);
+    assert!(filter.apply(&robots, &wanted)[1].command.twist().forward_m_per_s > 0.1);
+    filter.set_latency_s(7, 0.1);
+}

@@ -1,10 +1,12 @@
 //! Before a run: robots stand at their starts, answer, and are seen.
 
+use crate::commander::Still;
+use crate::ear::{STATUS_CLOCK_KNOWN, STATUS_LATCHED};
 use crate::estimator::wrap_rad;
 use crate::hand::{self, Placement};
 use crate::lab::Lab;
 use crate::lease::Lease;
-use crate::link::{HeldPort, STATUS_CLOCK_KNOWN, STATUS_LATCHED, Still};
+use crate::link::HeldPort;
 use crate::record::LogLevel;
 use crate::recorder::RecorderHandle;
 use crate::run::{Conclusion, outside_ending};
@@ -150,15 +152,15 @@ fn unready(lab: &Lab, number: u8, name: &str, start: &Pose) -> Option<Conclusion
         let message = format!("Robot {name} answers but does not accept commands.");
         return Some(Conclusion::failed(Whose::Robot, "robot_not_ready", message));
     }
-    if lab.tracker.age_us().is_none_or(|age_us| age_us > FRESH_US) {
+    if lab.localisation.age_us().is_none_or(|age_us| age_us > FRESH_US) {
         return Some(Conclusion::failed(
             Whose::Platform,
-            "tracker_silent",
-            "The tracker sends nothing.".to_owned(),
+            "localisation_silent",
+            "The cameras tell nothing.".to_owned(),
         ));
     }
-    let Some((pose, _)) = lab.tracker.pose(number).filter(|(_, age_us)| *age_us < FRESH_US) else {
-        let message = format!("The tracker does not see robot {name}.");
+    let Some((pose, _)) = lab.localisation.pose(number).filter(|(_, age_us)| *age_us < FRESH_US) else {
+        let message = format!("No camera sees robot {name}.");
         return Some(Conclusion::failed(Whose::Platform, "robot_not_seen", message));
     };
     let distance_m = f64::hypot(pose.x_m - start.x_m, pose.y_m - start.y_m);

@@ -7,7 +7,8 @@ use crate::lab::{Activity, Lab};
 use crate::lease::{Heart, Lease};
 use crate::link::HeldPort;
 use crate::live::LivePicture;
-use crate::loop_120hz::{self, LoopResult, LoopRobot, Setup};
+use crate::loop_120hz::{self, LoopResult, Setup};
+use crate::pilot::PilotRobot;
 use crate::prepare::{self, Keeper};
 use crate::record::{End, LogLevel, Record, Start};
 use crate::recorder::{Recorder, RecorderHandle};
@@ -161,7 +162,7 @@ async fn try_attempt(
         Err(conclusion) => Err(conclusion),
     };
     // The keeper holds the robots still up to here; the loop takes over within milliseconds.
-    let poses = lab.tracker.listen();
+    let poses = lab.localisation.listen();
     let telemetry = lab.link.listen();
     let ports = keeper.stop();
     running?;
@@ -171,7 +172,8 @@ async fn try_attempt(
     }));
     let setup = Setup {
         team,
-        robots: loop_robots(lab, ports, &limits)?,
+        robots: pilot_robots(lab, &ports, &limits)?,
+        ports,
         poses,
         telemetry,
         recorder: recorder.clone(),
@@ -312,7 +314,7 @@ async fn report_running(lab: &Lab, assignment: &Assignment, lease: &Lease) -> Re
     }
 }
 
-fn loop_robots(lab: &Lab, ports: Vec<HeldPort>, limits: &[RobotLimits]) -> Result<Vec<LoopRobot>, Conclusion> {
+fn pilot_robots(lab: &Lab, ports: &[HeldPort], limits: &[RobotLimits]) -> Result<Vec<PilotRobot>, Conclusion> {
     let gone = || {
         Conclusion::failed(
             Whose::Platform,
@@ -323,24 +325,26 @@ fn loop_robots(lab: &Lab, ports: Vec<HeldPort>, limits: &[RobotLimits]) -> Resul
     if ports.len() != limits.len() {
         return Err(gone());
     }
-    let made = ports.into_iter().zip(limits).map(|(port, limits)| {
-        let (pose, age_us) = lab.tracker.pose(port.robot().number)?;
-        let telemetry = port.robot().newest()?;
+    let made = ports.iter().zip(limits).map(|(port, limits)| {
+        let robot = port.robot();
+        let (pose, age_us) = lab.localisation.pose(robot.number)?;
+        let telemetry = robot.newest()?;
         let mut track = PoseTrack::new(limits.motion);
-        track.observe(PoseSample {
+        let sample = PoseSample {
             exposure_us: monotonic_us() - age_us,
             x_m: pose.x_m,
             y_m: pose.y_m,
             yaw_rad: pose.yaw_rad,
-        });
-        Some(LoopRobot {
-            port,
+        };
+        track.observe(sample, pose.velocity);
+        let name = robot.name.clone();
+        Some(PilotRobot::new(
+            robot.number,
+            name,
             track,
             telemetry,
-            turned: telemetry,
-            wheel_radius_m: limits.wheel_radius_m,
-            logged: [false; 2],
-        })
+            limits.wheel_radius_m,
+        ))
     });
     made.collect::<Option<_>>().ok_or_else(gone)
 }

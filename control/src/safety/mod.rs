@@ -59,7 +59,8 @@ pub struct Limits {
     pub braking_m_per_s2: f64,
     /// Deceleration of the commands of a robot that has to stop because nothing else was found; at least `a`.
     pub stopping_m_per_s2: f64,
-    /// Time from the filter to the effect of a command; see [`SafetyFilter::set_latency_s`].
+    /// Time from the filter to the effect of a command: 0.08 s of the link and the 0.1 s that a robot's wheels take; see
+    /// [`SafetyFilter::set_latency_s`].
     pub latency_s: f64,
     /// For how long a robot may go on with an older command because frames were lost.
     pub hold_s: f64,

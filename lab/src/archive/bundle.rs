@@ -4,6 +4,7 @@ use super::manifest::{self, FileEntry, Manifest, TickJitter};
 use super::mcap::{McapFile, WallClock};
 use super::parquet::TelemetryTable;
 use super::punctuality::Punctuality;
+use super::stages::StageTimes;
 use super::track::{self, Track};
 use crate::journal::JournalReader;
 use crate::record::{End, LogLevel, Record, Start};
@@ -95,6 +96,7 @@ struct Files {
     tables: Vec<TelemetryTable>,
     track: Option<Track>,
     punctuality: Punctuality,
+    stages: StageTimes,
 }
 
 impl Files {
@@ -115,6 +117,7 @@ impl Files {
             tables: Vec::new(),
             track: None,
             punctuality: Punctuality::default(),
+            stages: StageTimes::default(),
         })
     }
 
@@ -149,6 +152,7 @@ impl Files {
 
     fn take(&mut self, record: &Record) -> Result<(), ArchiveError> {
         self.punctuality.take(record);
+        self.stages.take(record);
         self.mcap.take(record)?;
         for table in &mut self.tables {
             table.take(record)?;
@@ -175,6 +179,7 @@ impl Files {
     fn finish(mut self, start: &Start, end: Option<&End>, whole: bool) -> Result<Manifest, ArchiveError> {
         let (ticks_recorded, ticks_missed) = (self.punctuality.ticks(), self.punctuality.missed());
         let tick_jitter = self.punctuality.finish();
+        let stages = self.stages.finish();
         write_ending(&mut self.log, end, whole)?;
         write_jitter(&mut self.log, ticks_recorded, ticks_missed, &tick_jitter)?;
         self.log.flush()?;
@@ -203,6 +208,7 @@ impl Files {
             ticks_recorded,
             ticks_missed,
             tick_jitter,
+            stages,
         };
         write_json(&self.folder.join(manifest::FILE_NAME), &manifest)?;
         for robot in &start.assignment.robots {
