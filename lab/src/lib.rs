@@ -33,6 +33,7 @@ mod prepare;
 pub mod realtime;
 pub mod record;
 pub mod recorder;
+pub mod robot_limits;
 pub mod run;
 pub mod safety;
 pub mod salvage;

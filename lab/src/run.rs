@@ -2,7 +2,7 @@
 
 use crate::clock::monotonic_us;
 use crate::deliver;
-use crate::estimator::{MotionLimits, PoseSample, PoseTrack};
+use crate::estimator::{PoseSample, PoseTrack};
 use crate::lab::{Activity, Lab};
 use crate::lease::{Heart, Lease};
 use crate::link::HeldPort;
@@ -12,6 +12,7 @@ use crate::pilot::PilotRobot;
 use crate::prepare::{self, Keeper};
 use crate::record::{End, LogLevel, Record, Start};
 use crate::recorder::{Recorder, RecorderHandle};
+use crate::robot_limits::RobotLimits;
 use crate::safety::{Ending, Signals};
 use crate::schedule::TICK_HZ;
 use crate::sleep_probe::SleepProbe;
@@ -226,43 +227,6 @@ fn team(assignment: &Assignment) -> Result<(Team, Vec<RobotLimits>), Conclusion>
     let robots = control::team::robots(&scenario).map_err(first)?;
     let limits = robots.iter().map(RobotLimits::of).collect();
     Ok((Team::new(&scenario).map_err(first)?, limits))
-}
-
-/// What a robot's wheels allow.
-#[derive(Debug, Clone, Copy)]
-struct RobotLimits {
-    motion: MotionLimits,
-    wheel_radius_m: f64,
-}
-
-/// Fastest that any robot here is thought to be when its description sets no limit.
-const UNLIMITED_M_PER_S: f64 = 3.0;
-
-impl RobotLimits {
-    fn of(robot: &twin::robot::Robot) -> Self {
-        let wheels = &robot.description().wheels;
-        let wheel_radius_m = wheels
-            .iter()
-            .filter(|wheel| wheel.driven)
-            .filter_map(|wheel| wheel.radius_m)
-            .fold(0.0, f64::max);
-        // Two omni wheels at right angles move the body by sqrt 2 of their rim speed.
-        let rim_m_per_s = robot.max_wheel_speed_rad_per_s() * wheel_radius_m * std::f64::consts::SQRT_2;
-        let speed_m_per_s = rim_m_per_s.min(UNLIMITED_M_PER_S);
-        let lever_m = wheels
-            .iter()
-            .map(|wheel| f64::hypot(wheel.x_m, wheel.y_m))
-            .fold(f64::INFINITY, f64::min)
-            .max(0.05);
-        let yaw_rate_rad_per_s = speed_m_per_s / lever_m;
-        Self {
-            motion: MotionLimits {
-                speed_m_per_s,
-                yaw_rate_rad_per_s,
-            },
-            wheel_radius_m,
-        }
-    }
 }
 
 /// The right to send to all robots of the run, under its epoch.

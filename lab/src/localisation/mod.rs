@@ -3,6 +3,7 @@
 //! Both end in [`PoseFrame`]s for the control loop and in the newest pose of every robot for everybody else.
 
 mod cameras;
+mod fuser;
 mod line;
 mod tracker;
 
@@ -16,8 +17,7 @@ use std::path::PathBuf;
 use std::sync::mpsc::Receiver;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-pub use cameras::CameraStatus;
-use cameras::Cameras;
+pub use fuser::{CameraStatus, Fuser};
 
 /// Where poses come from.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -51,21 +51,22 @@ pub struct Localisation {
     source: Source,
     feed: Feed<PoseFrame>,
     seen: Mutex<Seen>,
-    cameras: Option<Cameras>,
+    /// None with a tracker.
+    fuser: Option<Mutex<Fuser>>,
 }
 
 impl Localisation {
     /// Connects in the background, again and again, until the process ends.
     pub fn start(source: Source) -> io::Result<Arc<Self>> {
-        let cameras = match &source {
-            Source::Cameras(sockets) => Some(Cameras::new(sockets.len()).map_err(io::Error::other)?),
+        let fuser = match &source {
+            Source::Cameras(sockets) => Some(Mutex::new(Fuser::new(sockets.len()).map_err(io::Error::other)?)),
             Source::Tracker(_) => None,
         };
         let localisation = Arc::new(Self {
             source,
             feed: Feed::default(),
             seen: Mutex::default(),
-            cameras,
+            fuser,
         });
         match &localisation.source {
             Source::Tracker(socket) => tracker::start(localisation.clone(), socket.clone())?,
@@ -104,15 +105,19 @@ impl Localisation {
 
     /// State of every camera; empty with a tracker.
     pub fn cameras(&self) -> Vec<CameraStatus> {
-        self.cameras
-            .as_ref()
-            .map(|cameras| cameras.status(monotonic_us()))
+        self.fuser()
+            .map(|fuser| fuser.status(monotonic_us()))
             .unwrap_or_default()
     }
 
     /// Counters of the fusion since the start; none with a tracker.
     pub fn counts(&self) -> Option<FusionCounts> {
-        self.cameras.as_ref().map(Cameras::counts)
+        self.fuser().map(|fuser| fuser.counts())
+    }
+
+    fn fuser(&self) -> Option<MutexGuard<'_, Fuser>> {
+        let fuser = self.fuser.as_ref()?;
+        Some(fuser.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
     fn seen(&self) -> MutexGuard<'_, Seen> {
