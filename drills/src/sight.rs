@@ -150,18 +150,13 @@ pub fn run(frames: u64, timed: u64, settings: CameraSettings, watch: &mut dyn Fn
     Ok(out)
 }
 
-fn judge(
-    out: &mut Sight,
-    seen: &Observation,
-    ways: &[Way],
-    time_s: f64,
-    square_m2: &mut f64,
-    square_rad2: &mut f64,
-) {
+fn judge(out: &mut Sight, seen: &Observation, ways: &[Way], time_s: f64, square_m2: &mut f64, square_rad2: &mut f64) {
     for pose in &seen.poses {
         let way = usize::from(pose.robot).checked_sub(1).and_then(|place| ways.get(place));
         let truth = way.map(|way| way.at(time_s));
-        let off_m = truth.map_or(f64::INFINITY, |truth| (truth.x_m - pose.x_m).hypot(truth.y_m - pose.y_m));
+        let off_m = truth.map_or(f64::INFINITY, |truth| {
+            (truth.x_m - pose.x_m).hypot(truth.y_m - pose.y_m)
+        });
         let Some(truth) = truth.filter(|_| off_m < IDENTITY_M) else {
             out.false_identities += 1;
             continue;

@@ -73,6 +73,10 @@ impl Eye {
         let expected = (!everywhere).then_some(self.expected.as_slice());
         let observation = self.localiser.locate(&frame, header.sequence, now_us, expected)?;
         self.tracks.observe(0, &observation, now_us, &mut self.outcomes);
+        // A robot that has just come in is not predicted yet: look everywhere until it is.
+        if self.outcomes.contains(&TagOutcome::Candidate) {
+            self.next_full_us = now_us;
+        }
         Ok(observation)
     }
 
