@@ -19,6 +19,8 @@ use std::sync::mpsc::Receiver;
 
 /// Time from the start of the thread to the first tick.
 const LEAD_NS: i64 = 20_000_000;
+/// A tick that begins later than this after its time gets no new commands; see [`Pilot::overdue`].
+const DEADLINE_NS: i64 = 4_000_000;
 
 /// Everything a run's loop owns.
 pub struct Setup {
@@ -79,7 +81,9 @@ pub fn run(setup: Setup) -> LoopEnd {
         let due_ns = schedule.due_ns();
         wait_until_ns(due_ns);
         let woke_ns = monotonic_ns();
+        let missed_before = schedule.missed();
         let Due { slot, late_ns } = schedule.wake(woke_ns);
+        pilot.overdue(overdue_ticks(late_ns, schedule.missed() - missed_before));
         ticks += 1;
         let woke_us = woke_ns / 1000;
         while let Ok(frame) = poses.try_recv() {
@@ -108,6 +112,16 @@ pub fn run(setup: Setup) -> LoopEnd {
     }
 }
 
+/// Ticks in a row, up to this one, that came too late for new commands: none when it is in time, two when ticks before it
+/// were dropped.
+fn overdue_ticks(late_ns: i64, dropped: i64) -> u32 {
+    match (late_ns > DEADLINE_NS, dropped > 0) {
+        (false, _) => 0,
+        (true, false) => 1,
+        (true, true) => 2,
+    }
+}
+
 /// The robot link of the run.
 struct Ports(Vec<HeldPort>);
 
@@ -128,5 +142,18 @@ impl Outlet for Ports {
 impl Sink for RecorderHandle {
     fn push(&mut self, record: Record) {
         RecorderHandle::push(self, record);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tick_in_time_gets_new_commands_whatever_was_dropped_before() {
+        assert_eq!(overdue_ticks(DEADLINE_NS, 0), 0);
+        assert_eq!(overdue_ticks(DEADLINE_NS, 3), 0);
+        assert_eq!(overdue_ticks(DEADLINE_NS + 1, 0), 1);
+        assert_eq!(overdue_ticks(DEADLINE_NS + 1, 1), 2);
     }
 }

@@ -88,6 +88,7 @@ pub struct Pilot {
     /// First tick of the stopping phase.
     stopping_since: Option<i64>,
     holding: bool,
+    overdue: u32,
 }
 
 impl Pilot {
@@ -107,6 +108,7 @@ impl Pilot {
             observations: Vec::with_capacity(count),
             stopping_since: None,
             holding: false,
+            overdue: 0,
         }
     }
 
@@ -127,6 +129,12 @@ impl Pilot {
         self.newest_exposure_us
     }
 
+    /// Says that the next tick, and as many before it as make up `ticks`, came too late for new commands: the last ones are
+    /// decelerated, from the second in a row on the robots stop. 0: it is in time.
+    pub fn overdue(&mut self, ticks: u32) {
+        self.overdue = ticks;
+    }
+
     /// One tick; the ending comes out when everything is at rest.
     ///
     /// - `slot`: number of the tick on the 120 Hz grid.
@@ -145,6 +153,7 @@ impl Pilot {
             robots: &self.health,
             signals,
             team_finished: self.team.is_done(),
+            team_stuck: self.team.is_stuck(),
             time_over: slot >= self.duration_ticks,
         };
         match self.safety.tick(&inputs) {
@@ -255,7 +264,15 @@ impl Pilot {
     }
 
     fn drive(&mut self, slot: i64, now_us: i64, outlet: &mut impl Outlet, sink: &mut impl Sink) {
-        let outputs = self.team.tick(&self.observations);
+        let overdue = std::mem::take(&mut self.overdue);
+        for _ in 1..overdue {
+            self.team.missed_tick();
+        }
+        let outputs = if overdue > 0 {
+            self.team.missed_tick()
+        } else {
+            self.team.tick(&self.observations)
+        };
         let robots = self.robots.iter().zip(outputs).zip(&self.health);
         for (place, ((robot, output), health)) in robots.enumerate() {
             let sent = outlet.drive(place, &output.safe, link_tick(slot));
@@ -401,11 +418,20 @@ fn explain(cause: &Cause, robots: &[PilotRobot]) -> (SafetyKind, &'static str, O
         Cause::Wall { side: WallSide::Right } => (SafetyKind::Wall, "wall_right", None),
         Cause::Wall { side: WallSide::Bottom } => (SafetyKind::Wall, "wall_bottom", None),
         Cause::Wall { side: WallSide::Top } => (SafetyKind::Wall, "wall_top", None),
+        Cause::Geofence { .. } => (SafetyKind::Wall, "geofence", None),
+        Cause::FixedObstacle { .. } => (SafetyKind::Wall, "fixed_obstacle", None),
+        Cause::PushableObstacle { .. } => (SafetyKind::Wall, "pushable_obstacle", None),
+        Cause::Deadlock => (SafetyKind::Robot, "deadlock", None),
         Cause::Speed => (SafetyKind::Speed, "speed", None),
+        Cause::Steering => (SafetyKind::Speed, "steering", None),
+        Cause::Turn => (SafetyKind::Speed, "turn", None),
         Cause::WheelSpeed => (SafetyKind::Speed, "wheel_speed", None),
         Cause::PoseAge => (SafetyKind::Stop, "pose_age", None),
+        Cause::Latency => (SafetyKind::Stop, "latency", None),
         Cause::Offline => (SafetyKind::Stop, "offline", None),
         Cause::NotFinite => (SafetyKind::Stop, "not_finite", None),
         Cause::Infeasible => (SafetyKind::Stop, "infeasible", None),
+        Cause::NotConverged => (SafetyKind::Stop, "not_converged", None),
+        Cause::Late => (SafetyKind::Stop, "late", None),
     }
 }
