@@ -8,7 +8,7 @@ use crate::plant::Pose;
 use crate::plant::arena::{Arena, Occupant};
 use crate::plant::body::BodyError;
 use crate::tracker::{TrackedPose, TrackerModel};
-use crate::unit::Unit;
+use crate::unit::{Seat, Unit};
 use api::lab::LabDescription;
 use serde::{Deserialize, Serialize};
 
@@ -105,7 +105,8 @@ impl Laboratory {
     /// One 480 Hz step of all firmware and of the robots on the floor.
     pub fn tick(&mut self, now_us: i64) {
         self.units.iter_mut().for_each(|unit| unit.step_firmware(now_us));
-        let mut occupants: Vec<Occupant<'_>> = self.units.iter_mut().filter_map(Unit::occupant).collect();
+        let mut seats: Vec<_> = self.units.iter_mut().filter_map(Unit::seat).collect();
+        let mut occupants: Vec<Occupant<'_>> = seats.iter_mut().map(Seat::occupant).collect();
         if !occupants.is_empty() {
             self.arena.tick(&mut occupants);
         }
@@ -113,7 +114,12 @@ impl Laboratory {
 
     /// What the tracker makes of a picture taken now.
     pub fn expose(&mut self) -> Vec<TrackedPose> {
-        self.tracker.expose(&self.units)
+        let mut poses = self.tracker.expose(&self.units);
+        for pose in &mut poses {
+            let unit = self.units.iter().find(|unit| unit.robot().number == pose.number);
+            pose.number = unit.map_or(pose.number, Unit::seen_as);
+        }
+        poses
     }
 
     /// Puts these robots on the floor and takes all others off it; nothing changes when it is refused.
@@ -139,32 +145,32 @@ impl Laboratory {
     }
 
     pub fn set_fault(&mut self, request: FaultRequest) -> Result<(), HandError> {
-        let unit = self
-            .units
-            .iter_mut()
-            .find(|unit| unit.robot().number == request.number)
-            .ok_or(HandError::Unknown(request.number))?;
-        match request.kind {
-            FaultKind::DropFrames { fraction } if !(0.0..=1.0).contains(&fraction) => Err(HandError::Parameter {
-                name: "fraction",
-                value: fraction,
-                range: "0..=1",
-            }),
-            FaultKind::LowBattery { charge } if !(0.0..=1.0).contains(&charge) => Err(HandError::Parameter {
-                name: "charge",
-                value: charge,
-                range: "0..=1",
-            }),
-            FaultKind::StuckWheel { wheel } if wheel >= robot::MAX_MOTORS => Err(HandError::Parameter {
-                name: "wheel",
-                value: wheel as f64,
-                range: "0..4",
-            }),
-            kind => {
-                unit.set_fault(kind);
-                Ok(())
-            }
+        if let Some((name, value, range)) = request.kind.problem() {
+            return Err(HandError::Parameter { name, value, range });
         }
+        self.pair_up(request)?;
+        self.numbered(request.number)?.set_fault(request.kind);
+        Ok(())
+    }
+
+    fn numbered(&mut self, number: u8) -> Result<&mut Unit, HandError> {
+        self.units
+            .iter_mut()
+            .find(|unit| unit.robot().number == number)
+            .ok_or(HandError::Unknown(number))
+    }
+
+    /// The other side of a swap of identities, and the end of one.
+    fn pair_up(&mut self, request: FaultRequest) -> Result<(), HandError> {
+        let seen_as = self.numbered(request.number)?.seen_as();
+        match request.kind {
+            FaultKind::SwapIdentity { with } => self
+                .numbered(with)?
+                .set_fault(FaultKind::SwapIdentity { with: request.number }),
+            FaultKind::None if seen_as != request.number => self.numbered(seen_as)?.end_swap(),
+            _ => {}
+        }
+        Ok(())
     }
 
     fn check_placements(&self, placements: &[Placement]) -> Result<(), HandError> {

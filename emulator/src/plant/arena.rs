@@ -25,6 +25,28 @@ pub struct Arena {
 pub struct Occupant<'a> {
     pub body: &'a mut Body,
     pub drive: Drive,
+    /// Motor control that samples more often than the firmware steps.
+    pub stage: Option<&'a mut dyn MotorStage>,
+}
+
+/// Motor control between two firmware steps.
+pub trait MotorStage: std::fmt::Debug {
+    /// Samples in a firmware step; the first is the firmware's own.
+    fn samples_per_tick(&self) -> u32;
+
+    /// Voltages until the next sample.
+    fn sample(&mut self, body: &Body) -> [f64; robot::MAX_MOTORS];
+}
+
+impl Occupant<'_> {
+    /// Lets the motor control sample when one falls on this step: sample `j` of `k` on step `ceil(j n / k)`.
+    fn control(&mut self, step: u32, steps: u32) {
+        let Some(stage) = &mut self.stage else { return };
+        let samples = stage.samples_per_tick();
+        if step > 0 && step * samples / steps > (step - 1) * samples / steps {
+            self.drive.motor_v = Some(stage.sample(self.body));
+        }
+    }
 }
 
 /// One point where a bumper is pressed in.
@@ -64,7 +86,10 @@ impl Arena {
         };
         let near = near_pairs(occupants);
         let mut pushes = vec![Push::default(); occupants.len()];
-        for _ in 0..substeps {
+        for index in 0..substeps {
+            for occupant in occupants.iter_mut() {
+                occupant.control(index, substeps);
+            }
             for (push, occupant) in pushes.iter_mut().zip(occupants.iter()) {
                 *push = self.wall_push(occupant.body);
             }

@@ -70,8 +70,8 @@ pub struct Push {
 pub enum BodyError {
     #[error("robot {0}: a driven robot needs a motor")]
     MotorMissing(String),
-    #[error("robot {0}: the emulator runs the plain speed loop only; leave motor.controller out")]
-    Controller(String),
+    #[error(transparent)]
+    Commissioning(#[from] crate::commissioning::CommissioningError),
     #[error("robot {robot}: {found} driven wheels, the link carries at most {most}")]
     TooManyMotors { robot: String, found: usize, most: usize },
     #[error("robot {robot}: {found} wheels, at most {most}")]
@@ -345,13 +345,6 @@ fn check(description: &RobotDescription) -> Result<(), BodyError> {
     let driven = description.wheels.iter().filter(|wheel| wheel.driven).count();
     if driven > 0 && description.motor.is_none() {
         return Err(BodyError::MotorMissing(robot()));
-    }
-    if description
-        .motor
-        .as_ref()
-        .is_some_and(|motor| motor.controller.is_some())
-    {
-        return Err(BodyError::Controller(robot()));
     }
     if driven > robot::MAX_MOTORS {
         return Err(BodyError::TooManyMotors {
