@@ -7,6 +7,7 @@ use crate::noise::Noise;
 use crate::plant::Pose;
 use crate::plant::arena::{Arena, Occupant};
 use crate::plant::body::BodyError;
+use crate::plant::contents::{ContentsError, PlantContents};
 use crate::tracker::{TrackedPose, TrackerModel};
 use crate::unit::{Seat, Unit};
 use api::lab::LabDescription;
@@ -31,6 +32,8 @@ pub enum HandError {
     Twice(u8),
     #[error("robot {0} would not stand on the floor: its circle crosses a wall or its pose is no number")]
     Outside(u8),
+    #[error("robot {0} would stand in a fixed obstacle")]
+    Blocked(u8),
     #[error("robots {0} and {1} would overlap")]
     Overlap(u8, u8),
     #[error("{name} {value} is outside {range}")]
@@ -50,6 +53,8 @@ pub enum LaboratoryError {
     KeyMissing(u8),
     #[error("robot number {0} stands twice in the laboratory's file")]
     NumberTwice(u8),
+    #[error(transparent)]
+    Contents(#[from] ContentsError),
     #[error(transparent)]
     Body(#[from] BodyError),
 }
@@ -80,6 +85,7 @@ impl Laboratory {
             width_m: description.arena.width_m,
             height_m: description.arena.height_m,
             floor: hidden.floor(&description.arena.floor),
+            contents: PlantContents::new(description.arena.contents.as_ref())?,
         };
         Ok(Self {
             units,
@@ -187,6 +193,14 @@ impl Laboratory {
                 && placement.y_m.abs() <= self.arena.height_m / 2.0 - radius_m;
             if !inside || !placement.yaw_rad.is_finite() {
                 return Err(HandError::Outside(number));
+            }
+            let pose = Pose {
+                x_m: placement.x_m,
+                y_m: placement.y_m,
+                yaw_rad: placement.yaw_rad,
+            };
+            if self.arena.contents.is_blocked(&pose, radius_m) {
+                return Err(HandError::Blocked(number));
             }
             for (other, other_radius_m) in &standing {
                 if other.number == number {

@@ -8,6 +8,7 @@ use emulator::noise::Noise;
 use emulator::plant::Pose;
 use emulator::plant::arena::{Arena, Occupant};
 use emulator::plant::body::{Body, Drive};
+use emulator::plant::contents::PlantContents;
 
 const STILL: RunVariation = RunVariation {
     friction: 0.0,
@@ -21,6 +22,7 @@ fn arena(floor: HiddenFloor) -> Arena {
         width_m: 40.0,
         height_m: 30.0,
         floor,
+        contents: PlantContents::default(),
     }
 }
 

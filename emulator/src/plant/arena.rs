@@ -1,6 +1,7 @@
 //! All robots on one floor between four walls: bumpers are spring-dampers, so nothing passes through anything.
 
-use super::body::{Body, Drive, Push};
+use super::body::{Body, Drive, Ground, Push};
+use super::contents::PlantContents;
 use super::{SUBSTEPS, Step, TICK_HZ};
 use crate::hidden::HiddenFloor;
 
@@ -18,6 +19,7 @@ pub struct Arena {
     pub width_m: f64,
     pub height_m: f64,
     pub floor: HiddenFloor,
+    pub contents: PlantContents,
 }
 
 /// A robot in the arena, and what moves it.
@@ -50,7 +52,7 @@ impl Occupant<'_> {
 }
 
 /// One point where a bumper is pressed in.
-struct Touch {
+pub(super) struct Touch {
     depth_m: f64,
     /// Unit vector out of the other body.
     normal: [f64; 2],
@@ -60,6 +62,20 @@ struct Touch {
 }
 
 impl Touch {
+    /// Against something that does not move.
+    pub(super) fn fixed(body: &Body, depth_m: f64, normal: [f64; 2]) -> Self {
+        Self {
+            depth_m,
+            normal,
+            velocity_m_per_s: point_velocity(body, normal),
+            mass_kg: body.mass_kg,
+        }
+    }
+
+    pub(super) fn press(&self, body: &Body, push: &mut Push) {
+        add(push, body, self.force_n(), self.normal);
+    }
+
     fn force_n(&self) -> [f64; 2] {
         let ([nx, ny], [vx, vy]) = (self.normal, self.velocity_m_per_s);
         let opening_m_per_s = vx * nx + vy * ny;
@@ -97,7 +113,11 @@ impl Arena {
                 press_apart(occupants, &mut pushes, a, b);
             }
             for (occupant, push) in occupants.iter_mut().zip(&pushes) {
-                occupant.body.step(&occupant.drive, &self.floor, push, step);
+                let ground = Ground {
+                    floor: &self.floor,
+                    contents: &self.contents,
+                };
+                occupant.body.step(&occupant.drive, &ground, push, step);
             }
         }
     }
@@ -114,15 +134,10 @@ impl Arena {
         ];
         for (depth_m, normal) in walls {
             if depth_m > 0.0 {
-                let touch = Touch {
-                    depth_m,
-                    normal,
-                    velocity_m_per_s: point_velocity(body, normal),
-                    mass_kg: body.mass_kg,
-                };
-                add(&mut push, body, touch.force_n(), normal);
+                Touch::fixed(body, depth_m, normal).press(body, &mut push);
             }
         }
+        self.contents.press(body, &mut push);
         push
     }
 }
