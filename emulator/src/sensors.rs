@@ -81,6 +81,9 @@ impl SensorSet {
         };
         sensors.magnetic_field_t = self.magnetic_field_t(body, on_floor);
         if !on_floor {
+            for (angle, wheel) in sensors.wheel_rad.iter_mut().zip(body.driven_wheels()) {
+                *angle += wheel.motor.angle_rad;
+            }
             sensors.gyro_z_rad_per_s = self.gyro_bias_rad_per_s + self.error(self.noise.gyro_rad_per_s);
             return sensors;
         }
