@@ -5,7 +5,7 @@ mod bench;
 use api::robot::MotorController;
 use bench::{Bench, every_chassis, forward, reference, wheels};
 use emulator::faults::{FaultKind, FaultRequest};
-use emulator::hidden::{Hidden, HiddenMagnetometer, HiddenRobot};
+use emulator::hidden::{Hidden, HiddenMagnetometer};
 use robot::battery::Level;
 use robot::frame::{Command, Fix, Header, Health, Payload, decode, encode_fix};
 use robot::key::Key;
@@ -91,9 +91,14 @@ fn every_chassis_runs_its_cascade() {
         for _ in 0..120 {
             bench.period(|_| wheels(set_points));
             let telemetry = bench.telemetry[index].unwrap();
-            for k in 0..driven {
-                squares += (telemetry.wheel_rad_per_s[k] - set_points[k]).powi(2) / (120 * driven) as f64;
-                most_a = most_a.max(telemetry.current_a[k].abs());
+            let wheels = telemetry
+                .wheel_rad_per_s
+                .iter()
+                .zip(set_points)
+                .zip(telemetry.current_a);
+            for ((speed, set_point), current_a) in wheels.take(driven) {
+                squares += (speed - set_point).powi(2) / (120 * driven) as f64;
+                most_a = most_a.max(current_a.abs());
             }
         }
         let rms = squares.sqrt();
@@ -150,11 +155,7 @@ fn health(bench: &mut Bench, index: usize, now_us: i64) -> Health {
 fn a_robot_knows_where_it_is_with_fixes_and_for_a_while_without() {
     let description = reference();
     let mut hidden = Hidden::reference().unwrap();
-    hidden
-        .robots
-        .entry("omni-01".to_owned())
-        .or_insert_with(HiddenRobot::default)
-        .magnetometer = Some(HiddenMagnetometer {
+    hidden.robots.entry("omni-01".to_owned()).or_default().magnetometer = Some(HiddenMagnetometer {
         north_rad: 0.4,
         field_t: 2e-5,
         noise_t: 4e-7,

@@ -24,7 +24,7 @@ fn drive(speed: f64) -> Command {
 fn ten_thousand_cut_links_stop_the_robot_exactly_as_promised() {
     let (mut longest_m, mut latest_ms): (f64, f64) = (0.0, 0.0);
     for seed in 1..=10_000u64 {
-        let mut random = Random(seed * 0x9e37_79b9_7f4a_7c15);
+        let mut random = Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15));
         let speed_m_per_s = random.between(0.05, 1.5);
         let speed = speed_m_per_s / kit::RADIUS_M;
         let start_ms = random.next() as u32;
