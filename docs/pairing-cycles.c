@@ -81,7 +81,7 @@ static NOINLINE uint64_t siphash(const uint8_t *in, uint8_t n, const uint8_t *ke
     for (uint8_t i = 0; i < 4; i++) ROUND;
     return v0 ^ v1 ^ v2 ^ v3;
 }
-/* robot/src/crc.rs, robot/src/hex.rs, robot/src/frame.rs */
+/* robot/src/crc.rs, robot/src/hex.rs, robot/src/frame/mod.rs */
 static NOINLINE uint16_t crc(const uint8_t *p, uint8_t n) {
     uint16_t c = 0xffff;
     while (n--) {

@@ -143,6 +143,22 @@ pub struct HiddenRobot {
     pub battery_charge: f64,
     pub gyro_bias_rad_per_s: f64,
     pub steering_play_rad: f64,
+    /// Absent: the robot carries none.
+    pub magnetometer: Option<HiddenMagnetometer>,
+}
+
+/// A magnetometer and the field of the room.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HiddenMagnetometer {
+    /// World direction of the field's horizontal part, known at commissioning.
+    pub north_rad: f64,
+    /// Its size, known at commissioning.
+    pub field_t: f64,
+    /// One standard deviation of each axis.
+    pub noise_t: f64,
+    /// Iron of the robot itself, forward and left, which nobody knows.
+    pub offset_t: [f64; 2],
 }
 
 impl Default for HiddenRobot {
@@ -165,6 +181,7 @@ impl Default for HiddenRobot {
             battery_charge: 0.8,
             gyro_bias_rad_per_s: 0.0,
             steering_play_rad: 0.0,
+            magnetometer: None,
         }
     }
 }

@@ -7,8 +7,9 @@ use crate::noise::Noise;
 use crate::plant::Pose;
 use crate::plant::arena::{Arena, Occupant};
 use crate::plant::body::BodyError;
+use crate::plant::contents::{ContentsError, PlantContents};
 use crate::tracker::{TrackedPose, TrackerModel};
-use crate::unit::Unit;
+use crate::unit::{Seat, Unit};
 use api::lab::LabDescription;
 use serde::{Deserialize, Serialize};
 
@@ -31,6 +32,8 @@ pub enum HandError {
     Twice(u8),
     #[error("robot {0} would not stand on the floor: its circle crosses a wall or its pose is no number")]
     Outside(u8),
+    #[error("robot {0} would stand in a fixed obstacle")]
+    Blocked(u8),
     #[error("robots {0} and {1} would overlap")]
     Overlap(u8, u8),
     #[error("{name} {value} is outside {range}")]
@@ -50,6 +53,8 @@ pub enum LaboratoryError {
     KeyMissing(u8),
     #[error("robot number {0} stands twice in the laboratory's file")]
     NumberTwice(u8),
+    #[error(transparent)]
+    Contents(#[from] ContentsError),
     #[error(transparent)]
     Body(#[from] BodyError),
 }
@@ -80,6 +85,7 @@ impl Laboratory {
             width_m: description.arena.width_m,
             height_m: description.arena.height_m,
             floor: hidden.floor(&description.arena.floor),
+            contents: PlantContents::new(description.arena.contents.as_ref())?,
         };
         Ok(Self {
             units,
@@ -105,7 +111,8 @@ impl Laboratory {
     /// One 480 Hz step of all firmware and of the robots on the floor.
     pub fn tick(&mut self, now_us: i64) {
         self.units.iter_mut().for_each(|unit| unit.step_firmware(now_us));
-        let mut occupants: Vec<Occupant<'_>> = self.units.iter_mut().filter_map(Unit::occupant).collect();
+        let mut seats: Vec<_> = self.units.iter_mut().filter_map(Unit::seat).collect();
+        let mut occupants: Vec<Occupant<'_>> = seats.iter_mut().map(Seat::occupant).collect();
         if !occupants.is_empty() {
             self.arena.tick(&mut occupants);
         }
@@ -113,7 +120,12 @@ impl Laboratory {
 
     /// What the tracker makes of a picture taken now.
     pub fn expose(&mut self) -> Vec<TrackedPose> {
-        self.tracker.expose(&self.units)
+        let mut poses = self.tracker.expose(&self.units);
+        for pose in &mut poses {
+            let unit = self.units.iter().find(|unit| unit.robot().number == pose.number);
+            pose.number = unit.map_or(pose.number, Unit::seen_as);
+        }
+        poses
     }
 
     /// Puts these robots on the floor and takes all others off it; nothing changes when it is refused.
@@ -160,32 +172,32 @@ impl Laboratory {
     }
 
     pub fn set_fault(&mut self, request: FaultRequest) -> Result<(), HandError> {
-        let unit = self
-            .units
-            .iter_mut()
-            .find(|unit| unit.robot().number == request.number)
-            .ok_or(HandError::Unknown(request.number))?;
-        match request.kind {
-            FaultKind::DropFrames { fraction } if !(0.0..=1.0).contains(&fraction) => Err(HandError::Parameter {
-                name: "fraction",
-                value: fraction,
-                range: "0..=1",
-            }),
-            FaultKind::LowBattery { charge } if !(0.0..=1.0).contains(&charge) => Err(HandError::Parameter {
-                name: "charge",
-                value: charge,
-                range: "0..=1",
-            }),
-            FaultKind::StuckWheel { wheel } if wheel >= robot::MAX_MOTORS => Err(HandError::Parameter {
-                name: "wheel",
-                value: wheel as f64,
-                range: "0..4",
-            }),
-            kind => {
-                unit.set_fault(kind);
-                Ok(())
-            }
+        if let Some((name, value, range)) = request.kind.problem() {
+            return Err(HandError::Parameter { name, value, range });
         }
+        self.pair_up(request)?;
+        self.numbered(request.number)?.set_fault(request.kind);
+        Ok(())
+    }
+
+    fn numbered(&mut self, number: u8) -> Result<&mut Unit, HandError> {
+        self.units
+            .iter_mut()
+            .find(|unit| unit.robot().number == number)
+            .ok_or(HandError::Unknown(number))
+    }
+
+    /// The other side of a swap of identities, and the end of one.
+    fn pair_up(&mut self, request: FaultRequest) -> Result<(), HandError> {
+        let seen_as = self.numbered(request.number)?.seen_as();
+        match request.kind {
+            FaultKind::SwapIdentity { with } => self
+                .numbered(with)?
+                .set_fault(FaultKind::SwapIdentity { with: request.number }),
+            FaultKind::None if seen_as != request.number => self.numbered(seen_as)?.end_swap(),
+            _ => {}
+        }
+        Ok(())
     }
 
     fn check_placements(&self, placements: &[Placement]) -> Result<(), HandError> {
@@ -202,6 +214,14 @@ impl Laboratory {
                 && placement.y_m.abs() <= self.arena.height_m / 2.0 - radius_m;
             if !inside || !placement.yaw_rad.is_finite() {
                 return Err(HandError::Outside(number));
+            }
+            let pose = Pose {
+                x_m: placement.x_m,
+                y_m: placement.y_m,
+                yaw_rad: placement.yaw_rad,
+            };
+            if self.arena.contents.is_blocked(&pose, radius_m) {
+                return Err(HandError::Blocked(number));
             }
             for (other, other_radius_m) in &standing {
                 if other.number == number {

@@ -6,14 +6,17 @@
 
 pub mod camera;
 pub mod clock;
+pub mod commissioning;
 pub mod faults;
 pub mod hand;
 pub mod hidden;
 pub mod keys;
 pub mod laboratory;
 pub mod link;
+pub mod medium;
 pub mod noise;
 pub mod plant;
+pub mod receiver;
 pub mod sensors;
 pub mod socket;
 pub mod tracker;

@@ -10,6 +10,7 @@ use emulator::link::Link;
 use emulator::plant::TICK_HZ;
 use emulator::tracker::TrackerStream;
 use emulator::{Laboratory, clock};
+use robot::medium::{MediumKind, MediumProfile};
 use std::net::IpAddr;
 use std::path::PathBuf;
 
@@ -55,6 +56,9 @@ struct Settings {
     /// Hidden configuration of robots and floors; the built-in one when left out.
     #[arg(long)]
     plant: Option<PathBuf>,
+    /// What carries the frames: ideal, wifi, wifi-bursty, digimesh or serial.
+    #[arg(long, env = "ROBOPHEUS_MEDIUM", default_value = "wifi", value_parser = medium)]
+    medium: MediumKind,
     /// Seed of noise and of the variation from run to run.
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -65,6 +69,13 @@ fn calibration_and_socket(text: &str) -> Result<(PathBuf, PathBuf), String> {
         .split_once(',')
         .ok_or("give calibration file and socket with a comma between")?;
     Ok((calibration.into(), socket.into()))
+}
+
+fn medium(name: &str) -> Result<MediumKind, String> {
+    MediumProfile::named(name).map(|profile| profile.kind).ok_or_else(|| {
+        let names: Vec<_> = MediumProfile::all().iter().map(|profile| profile.name).collect();
+        format!("choose one of {}", names.join(", "))
+    })
 }
 
 fn main() -> anyhow::Result<()> {
@@ -85,7 +96,13 @@ fn main() -> anyhow::Result<()> {
     let hidden = settings.plant.as_deref().map_or_else(Hidden::reference, Hidden::read)?;
     let mut laboratory = Laboratory::new(&description, hidden, &keys, settings.seed)?;
     clock::catch_end_signals();
-    let mut link = Link::bind(settings.bind, settings.robot_udp_base, &laboratory)?;
+    let mut link = Link::bind(
+        settings.bind,
+        settings.robot_udp_base,
+        &laboratory,
+        settings.medium,
+        settings.seed,
+    )?;
     let mut tracker = settings
         .tracker
         .as_deref()
@@ -140,9 +157,8 @@ fn run(
         } else {
             1
         };
-        clock::sleep_until(start_us + tick_us(done + stride));
+        link.run_until(start_us + tick_us(done + stride), laboratory);
         let now_us = clock::monotonic_us();
-        link.receive(laboratory, clock::monotonic_us);
         let mut due = (now_us - start_us) * i64::from(TICK_HZ) / 1_000_000 - done;
         if due > MAX_BACKLOG_TICKS {
             tracing::warn!(ticks = due, "the emulator was held up; robots stood still meanwhile");

@@ -1,17 +1,17 @@
 //! One emulated robot: firmware, body, sensors, its own clock and its faults.
 
+use crate::commissioning;
 use crate::faults::{FaultKind, Faults};
 use crate::hidden::{Hidden, HiddenRobot};
 use crate::noise::Noise;
 use crate::plant::Pose;
+use crate::plant::arena::{MotorStage, Occupant};
 use crate::plant::body::{Body, BodyError, Drive};
 use crate::sensors::SensorSet;
 use api::robot::LabRobot;
 use robot::firmware::{Firmware, Received, Settings};
 use robot::frame::TELEMETRY_MAX_CHARACTERS;
 use robot::key::Key;
-use robot::speed_loop::SpeedLoopSettings;
-use robot::watchdog::WatchdogSettings;
 
 /// Largest drift of a robot's clock.
 const DRIFT_PPM: f64 = 50.0;
@@ -58,21 +58,11 @@ impl Unit {
             &hidden.run_variation,
             &mut random,
         )?;
-        let motor = robot.description.motor.as_ref();
-        let settings = Settings {
-            number: robot.number,
-            key,
-            motors: body.driven_wheels().count(),
-            speed_loop: SpeedLoopSettings {
-                kp_v_s_per_rad: motor.map_or(0.0, |motor| motor.speed_loop_kp_v_s_per_rad),
-                ki_v_per_rad: motor.map_or(0.0, |motor| motor.speed_loop_ki_v_per_rad),
-                sample_s: 1.0 / robot::firmware::RATE_HZ,
-            },
-            watchdog: WatchdogSettings::default(),
-        };
+        let settings = commissioning::settings(robot, key, &hidden_robot)?;
         Ok(Self {
             sensors: SensorSet::new(
                 robot.description.noise.as_ref(),
+                settings.motor.encoder.map(|encoder| encoder.ticks_per_rev),
                 &hidden_robot,
                 Noise::new(seed, stream + 1),
             ),
@@ -108,16 +98,27 @@ impl Unit {
         &self.faults
     }
 
+    /// Number that tracker and cameras see on this robot.
+    pub fn seen_as(&self) -> u8 {
+        self.faults.seen_as.unwrap_or(self.robot.number)
+    }
+
     /// The body while it stands on the floor.
     pub fn on_floor(&self) -> Option<&Body> {
         self.on_floor.then_some(&self.body)
     }
 
     /// The same, with what drives it, for the arena to move.
-    pub(crate) fn occupant(&mut self) -> Option<crate::plant::arena::Occupant<'_>> {
-        self.on_floor.then_some(crate::plant::arena::Occupant {
+    pub(crate) fn seat(&mut self) -> Option<Seat<'_>> {
+        let samples_per_tick = self.firmware.motor_samples_per_step();
+        self.on_floor.then_some(Seat {
             body: &mut self.body,
             drive: self.drive,
+            stage: Stage {
+                firmware: &mut self.firmware,
+                sensors: &mut self.sensors,
+                samples_per_tick,
+            },
         })
     }
 
@@ -134,13 +135,15 @@ impl Unit {
         self.sensors.carry_angles_over(&self.body);
         self.body = body;
         self.on_floor = true;
-        self.firmware.reset_drives();
+        self.firmware.put_down();
         Ok(())
     }
 
     /// Takes the robot off the floor.
     pub fn lift(&mut self) {
-        self.on_floor = false;
+        if std::mem::replace(&mut self.on_floor, false) {
+            self.firmware.put_down();
+        }
     }
 
     pub fn set_fault(&mut self, kind: FaultKind) {
@@ -148,6 +151,12 @@ impl Unit {
             FaultKind::Dead => self.faults.dead = true,
             FaultKind::StuckWheel { wheel } => self.faults.stuck_wheel = Some(wheel),
             FaultKind::DropFrames { fraction } => self.faults.dropped_fraction = fraction,
+            FaultKind::BurstFrames { .. }
+            | FaultKind::DelayFrames { .. }
+            | FaultKind::CopyFrames { .. }
+            | FaultKind::ReorderFrames { .. } => self.faults.impair(kind),
+            FaultKind::SwapIdentity { with } => self.faults.seen_as = Some(with),
+            FaultKind::DrainBattery { charge_per_s } => self.faults.drain_per_s = charge_per_s,
             FaultKind::TrackerLost => self.faults.tracker_lost = true,
             FaultKind::TrackerFrozen => self.faults.tracker_frozen = true,
             FaultKind::LowBattery { charge } => self.body.battery.charge = charge,
@@ -160,6 +169,11 @@ impl Unit {
         }
     }
 
+    /// Tracker and cameras tell the robot apart again.
+    pub(crate) fn end_swap(&mut self) {
+        self.faults.seen_as = None;
+    }
+
     /// One firmware step; the voltages hold until the next.
     pub fn step_firmware(&mut self, now_us: i64) {
         self.drive = Drive {
@@ -170,6 +184,8 @@ impl Unit {
         if self.faults.dead {
             return;
         }
+        let drained = self.faults.drain_per_s / robot::firmware::RATE_HZ;
+        self.body.battery.charge = (self.body.battery.charge - drained).max(0.0);
         let sensors = self.sensors.sample(&self.body, self.on_floor);
         let outputs = self.firmware.step(self.clock.read_ms(now_us), &sensors);
         if self.on_floor {
@@ -203,6 +219,24 @@ impl Unit {
         }
     }
 
+    /// Writes estimate and health for the commander; 0 characters as for telemetry.
+    pub fn health_report(&mut self, now_us: i64, out: &mut [u8; TELEMETRY_MAX_CHARACTERS]) -> usize {
+        if self.faults.dead || self.loses_frame() {
+            0
+        } else {
+            self.firmware.health_report(self.clock.read_ms(now_us), out)
+        }
+    }
+
+    /// Writes the counters of frames for the commander; 0 characters as for telemetry.
+    pub fn counters_report(&mut self, now_us: i64, out: &mut [u8; TELEMETRY_MAX_CHARACTERS]) -> usize {
+        if self.faults.dead || self.loses_frame() {
+            0
+        } else {
+            self.firmware.counters_report(self.clock.read_ms(now_us), out)
+        }
+    }
+
     /// Writes the answer to a [`Reception::Probe`].
     pub fn probe_reply(&mut self, now_us: i64, out: &mut [u8; TELEMETRY_MAX_CHARACTERS]) -> usize {
         if self.faults.dead || self.loses_frame() {
@@ -214,6 +248,43 @@ impl Unit {
 
     fn loses_frame(&mut self) -> bool {
         self.faults.dropped_fraction > 0.0 && self.random.uniform() < self.faults.dropped_fraction
+    }
+}
+
+/// A robot on the floor with the parts of it that act within a tick.
+#[derive(Debug)]
+pub(crate) struct Seat<'a> {
+    body: &'a mut Body,
+    drive: Drive,
+    stage: Stage<'a>,
+}
+
+impl Seat<'_> {
+    pub(crate) fn occupant(&mut self) -> Occupant<'_> {
+        let samples = self.drive.motor_v.is_some() && self.stage.samples_per_tick > 1;
+        Occupant {
+            body: self.body,
+            drive: self.drive,
+            stage: if samples { Some(&mut self.stage) } else { None },
+        }
+    }
+}
+
+/// The firmware's motor control between two of its steps.
+#[derive(Debug)]
+struct Stage<'a> {
+    firmware: &'a mut Firmware,
+    sensors: &'a mut SensorSet,
+    samples_per_tick: u32,
+}
+
+impl MotorStage for Stage<'_> {
+    fn samples_per_tick(&self) -> u32 {
+        self.samples_per_tick
+    }
+
+    fn sample(&mut self, body: &Body) -> [f64; robot::MAX_MOTORS] {
+        self.firmware.motor_step(&self.sensors.motor_sample(body))
     }
 }
 

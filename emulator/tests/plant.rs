@@ -8,6 +8,7 @@ use emulator::noise::Noise;
 use emulator::plant::Pose;
 use emulator::plant::arena::{Arena, Occupant};
 use emulator::plant::body::{Body, Drive};
+use emulator::plant::contents::PlantContents;
 
 const STILL: RunVariation = RunVariation {
     friction: 0.0,
@@ -21,6 +22,7 @@ fn arena(floor: HiddenFloor) -> Arena {
         width_m: 40.0,
         height_m: 30.0,
         floor,
+        contents: PlantContents::default(),
     }
 }
 
@@ -48,7 +50,14 @@ fn pose_with(robot: &api::robot::LabRobot, substeps: u32) -> Pose {
             steering_rad: 0.3 * scale,
             stuck_wheel: None,
         };
-        arena.tick_in(&mut [Occupant { body: &mut body, drive }], substeps);
+        arena.tick_in(
+            &mut [Occupant {
+                body: &mut body,
+                drive,
+                stage: None,
+            }],
+            substeps,
+        );
     }
     body.pose()
 }
@@ -96,7 +105,11 @@ fn a_pushed_robot_only_loses_energy_and_comes_to_rest() {
         let mut before_j = body.energy_j();
         let start_j = before_j;
         for _ in 0..480 * 5 {
-            arena.tick(&mut [Occupant { body: &mut body, drive }]);
+            arena.tick(&mut [Occupant {
+                body: &mut body,
+                drive,
+                stage: None,
+            }]);
             let now_j = body.energy_j();
             assert!(
                 now_j <= before_j + 2e-4 * start_j,
@@ -173,16 +186,4 @@ fn bodies_pass_through_neither_walls_nor_one_another() {
     println!("deepest bumper {deepest_m} m");
     assert!(deepest_m > 0.0, "nothing touched");
     assert!(deepest_m < 0.01, "{deepest_m}");
-}
-
-#[test]
-fn a_controller_that_is_not_emulated_is_refused() {
-    let mut description = reference().robots[0].description.clone();
-    let controller = r#"{"kind":"speed_pi","sample_rate_hz":480,"computation_delay_samples":1}"#;
-    if let Some(motor) = &mut description.motor {
-        motor.controller = serde_json::from_str(controller).ok();
-        assert!(motor.controller.is_some());
-    }
-    let refused = Body::new(&description, 0.25, &hidden().robot(""), &STILL, &mut Noise::new(1, 1));
-    assert!(refused.is_err_and(|error| error.to_string().contains("motor.controller")));
 }

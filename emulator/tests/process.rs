@@ -120,10 +120,10 @@ const ROBOTS: u16 = 16;
 fn free_udp_base() -> u16 {
     for _ in 0..100 {
         let base = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
-        let held: Vec<_> = (1..=ROBOTS)
+        let held: Vec<_> = (0..=ROBOTS)
             .filter_map(|number| UdpSocket::bind(("127.0.0.1", base.checked_add(number)?)).ok())
             .collect();
-        if held.len() == usize::from(ROBOTS) {
+        if held.len() == 1 + usize::from(ROBOTS) {
             return base;
         }
     }
@@ -165,10 +165,11 @@ fn drive(emulator: &Emulator, periods: u32) -> Vec<Telemetry> {
         while let Ok(length) = socket.recv(&mut buffer) {
             let frame = decode(&buffer[..length], &key).unwrap();
             echo_ms = frame.header.clock_ms;
-            let Payload::Telemetry(payload) = frame.payload else {
-                panic!("not telemetry")
-            };
-            telemetry.push(payload);
+            match frame.payload {
+                Payload::Telemetry(payload) => telemetry.push(payload),
+                Payload::Health(_) | Payload::Counters(_) => {}
+                other => panic!("a robot does not send {other:?}"),
+            }
         }
     }
     telemetry

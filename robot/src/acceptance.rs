@@ -90,8 +90,8 @@ impl Acceptance {
         Ok(())
     }
 
-    /// Second rule: certainly not older than [`MAX_COMMAND_AGE_MS`].
-    pub fn check_age(&self, header: &Header, now_ms: u32) -> Result<(), Refusal> {
+    /// Second rule: certainly not older than [`MAX_COMMAND_AGE_MS`]. Returns the largest age it may have.
+    pub fn check_age(&self, header: &Header, now_ms: u32) -> Result<f64, Refusal> {
         let age_ms = self
             .clock
             .age(now_ms, header.clock_ms)
@@ -100,7 +100,7 @@ impl Acceptance {
         if age_ms > MAX_COMMAND_AGE_MS {
             Err(Refusal::Stale { age_ms })
         } else {
-            Ok(())
+            Ok(age_ms)
         }
     }
 }
@@ -149,7 +149,11 @@ mod tests {
         assert_eq!(acceptance.check_age(&first, 1000), Err(Refusal::ClockUnknown));
         let second = header(1, 2, 70_008, 1004);
         assert_eq!(acceptance.check_order(&second, 1008), Ok(()));
-        assert_eq!(acceptance.check_age(&second, 1008), Ok(()));
+        assert!(
+            acceptance
+                .check_age(&second, 1008)
+                .is_ok_and(|age_ms| age_ms <= MAX_COMMAND_AGE_MS)
+        );
         let slow = header(1, 3, 70_016, 1012);
         assert_eq!(acceptance.check_order(&slow, 1070), Ok(()));
         assert!(matches!(acceptance.check_age(&slow, 1070), Err(Refusal::Stale { age_ms }) if age_ms > 50.0));

@@ -1,14 +1,28 @@
 //! One robot's program: datagrams and sensor values in, motor voltages and telemetry out.
 
+mod report;
+
 use crate::MAX_MOTORS;
 use crate::acceptance::{Acceptance, Refusal};
-use crate::frame::{self, FrameError, Header, Payload, Status, TELEMETRY_MAX_CHARACTERS, Telemetry};
+use crate::battery::{BatteryMonitor, BatterySettings};
+use crate::estimator::{Estimator, EstimatorSettings, FixOutcome, Measurement, PoseFix};
+use crate::frame::{self, Command, Counters, Fix, FrameError, Header, Payload, Target};
+use crate::fusion::{DynamicLimits, Fusion};
+use crate::health::{Action, Findings, HealthMonitor, MotorSample};
 use crate::key::Key;
-use crate::speed_loop::{SpeedLoop, SpeedLoopSettings, WheelSpeed};
-use crate::watchdog::{Watchdog, WatchdogSettings, WatchdogState};
+use crate::kinematics::WheelTable;
+use crate::motor_control::{ControlSample, Controller, ControllerSettings};
+use crate::watchdog::{SetPoint, Watchdog, WatchdogSettings};
 
 /// Steps per second of [`Firmware::step`].
 pub const RATE_HZ: f64 = 480.0;
+const RATE: u32 = 480;
+/// Oldest exposure of a fix.
+const MAX_FIX_AGE_MS: f64 = 300.0;
+/// Wheels that turn less count as standing.
+const STANDING_RAD: f64 = 0.01;
+/// For this long.
+const STANDING_S: f64 = 0.3;
 
 /// What is set at commissioning.
 #[derive(Debug, Clone, Copy)]
@@ -16,10 +30,13 @@ pub struct Settings {
     /// Address on the link.
     pub number: u8,
     pub key: Key,
-    /// Driven wheels, at most [`MAX_MOTORS`].
-    pub motors: usize,
-    pub speed_loop: SpeedLoopSettings,
+    /// Nominal geometry; its driven wheels are the motors, in this order.
+    pub wheels: WheelTable,
+    pub motor: ControllerSettings,
     pub watchdog: WatchdogSettings,
+    pub limits: DynamicLimits,
+    pub estimator: EstimatorSettings,
+    pub battery: BatterySettings,
 }
 
 /// Sensor values of one sample; wheels are the driven ones in the order of the description.
@@ -27,12 +44,25 @@ pub struct Settings {
 pub struct Sensors {
     pub wheel_rad_per_s: [f64; MAX_MOTORS],
     pub wheel_rad: [f64; MAX_MOTORS],
+    /// Hardware counters, read by a motor control with an encoder only.
+    pub encoder_count: [i32; MAX_MOTORS],
     pub current_a: [f64; MAX_MOTORS],
     pub bus_v: f64,
     pub gyro_z_rad_per_s: f64,
     /// Forward and left.
     pub accel_m_per_s2: [f64; 2],
     pub steering_rad: f64,
+    /// Horizontal field, forward and left; `None` without a magnetometer.
+    pub magnetic_field_t: Option<[f64; 2]>,
+}
+
+/// What the motors' control reads between two steps.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct MotorSensors {
+    pub wheel_rad_per_s: [f64; MAX_MOTORS],
+    pub encoder_count: [i32; MAX_MOTORS],
+    pub current_a: [f64; MAX_MOTORS],
+    pub bus_v: f64,
 }
 
 /// What the power stage and the steering gear get until the next step.
@@ -47,6 +77,8 @@ pub struct Outputs {
 pub enum Received {
     /// Feeds the watchdog and sets the set-points.
     Accepted,
+    /// A fix in order: it may move the estimate, never the robot.
+    Fix(FixOutcome),
     /// Authentic, but it may not move the robot (a `stop` flag in order is obeyed even then).
     Refused(Refusal),
     /// Not a frame, or not made with this robot's key.
@@ -57,20 +89,34 @@ impl Received {
     /// From the current commander: telemetry goes to where it came from.
     pub fn is_in_order(&self) -> bool {
         match self {
-            Self::Accepted => true,
+            Self::Accepted | Self::Fix(_) => true,
             Self::Refused(refusal) => refusal.is_in_order(),
             Self::Invalid(_) => false,
         }
     }
 }
 
-/// Frame codec, rules of acceptance, watchdog and speed loops of one robot. No IO, no clock of its own.
+/// Frame codec, rules of acceptance, watchdog, estimator, fusion and motor control of one robot. No IO, no clock of its own.
 #[derive(Debug, Clone)]
 pub struct Firmware {
     settings: Settings,
     acceptance: Acceptance,
     watchdog: Watchdog,
-    speed_loops: [SpeedLoop; MAX_MOTORS],
+    controllers: Option<[Controller; MAX_MOTORS]>,
+    /// Steps until the next sample of a motor control that is slower than the firmware.
+    motor_wait: u32,
+    motor_v: [f64; MAX_MOTORS],
+    set_point: SetPoint,
+    estimator: Estimator,
+    fusion: Fusion,
+    /// The last accepted command was a target.
+    on_target: bool,
+    battery: BatteryMonitor,
+    health: HealthMonitor,
+    findings: Findings,
+    counters: Counters,
+    standing_at_rad: [f64; MAX_MOTORS],
+    standing_s: f64,
     sensors: Sensors,
     heard_ms: u32,
     applied_sequence: u32,
@@ -81,11 +127,24 @@ pub struct Firmware {
 
 impl Firmware {
     pub fn new(settings: Settings) -> Self {
+        let step_s = 1.0 / RATE_HZ;
         Self {
             settings,
             acceptance: Acceptance::default(),
             watchdog: Watchdog::new(settings.watchdog),
-            speed_loops: [SpeedLoop::new(settings.speed_loop); MAX_MOTORS],
+            controllers: None,
+            motor_wait: 0,
+            motor_v: [0.0; MAX_MOTORS],
+            set_point: SetPoint::default(),
+            estimator: Estimator::new(settings.estimator),
+            fusion: Fusion::new(settings.limits, step_s),
+            on_target: false,
+            battery: BatteryMonitor::new(settings.battery, step_s),
+            health: HealthMonitor::new(step_s),
+            findings: Findings::default(),
+            counters: Counters::default(),
+            standing_at_rad: [0.0; MAX_MOTORS],
+            standing_s: 0.0,
             sensors: Sensors::default(),
             heard_ms: 0,
             applied_sequence: 0,
@@ -104,104 +163,236 @@ impl Firmware {
         &self.watchdog
     }
 
+    pub fn estimator(&self) -> &Estimator {
+        &self.estimator
+    }
+
+    pub fn battery(&self) -> &BatteryMonitor {
+        &self.battery
+    }
+
+    pub fn findings(&self) -> &Findings {
+        &self.findings
+    }
+
+    pub fn counters(&self) -> &Counters {
+        &self.counters
+    }
+
+    /// Set-points of the last step.
+    pub fn set_point(&self) -> &SetPoint {
+        &self.set_point
+    }
+
+    /// Samples of the motors' control in a step: [`Firmware::step`] takes the first, [`Firmware::motor_step`] the others.
+    pub fn motor_samples_per_step(&self) -> u32 {
+        (self.settings.motor.sample_rate_hz / RATE).max(1)
+    }
+
     /// Takes one datagram that arrived at `now_ms` of the robot's own wrapping clock.
     pub fn on_datagram(&mut self, bytes: &[u8], now_ms: u32) -> Received {
-        let (header, command) = match frame::decode(bytes, &self.settings.key) {
+        let received = self.received(bytes, now_ms);
+        match &received {
+            Received::Accepted => self.counters.accepted = self.counters.accepted.wrapping_add(1),
+            Received::Fix(_) => self.counters.fixes = self.counters.fixes.wrapping_add(1),
+            Received::Refused(refusal) => self.counters.count_refusal(refusal),
+            Received::Invalid(error) => self.counters.count_error(error),
+        }
+        received
+    }
+
+    fn received(&mut self, bytes: &[u8], now_ms: u32) -> Received {
+        let frame = match frame::decode_for(bytes, self.settings.number, &self.settings.key) {
             Err(error) => return Received::Invalid(error),
-            Ok(frame::Frame {
-                header,
-                payload: Payload::Command(command),
-            }) if header.robot == self.settings.number => (header, command),
+            Ok(frame) if frame.header.robot == self.settings.number => frame,
             Ok(_) => return Received::Refused(Refusal::NotForThisRobot),
         };
-        if let Err(refusal) = self.acceptance.check_order(&header, now_ms) {
+        let header = &frame.header;
+        match &frame.payload {
+            Payload::Command(command) => self.on_command(header, command, None, now_ms),
+            Payload::Target(target) => {
+                let as_command = Command {
+                    enable: target.enable,
+                    stop: target.stop,
+                    clear: target.clear,
+                    ..Command::default()
+                };
+                self.on_command(header, &as_command, Some(target), now_ms)
+            }
+            Payload::Fix(fix) => self.on_fix(header, fix, now_ms),
+            _ => Received::Refused(Refusal::NotForThisRobot),
+        }
+    }
+
+    fn on_command(&mut self, header: &Header, command: &Command, target: Option<&Target>, now_ms: u32) -> Received {
+        if let Err(refusal) = self.acceptance.check_order(header, now_ms) {
             return Received::Refused(refusal);
         }
         self.heard_ms = header.clock_ms;
         if command.stop {
             self.watchdog.stop(header.epoch);
         }
-        if let Err(refusal) = self.acceptance.check_age(&header, now_ms) {
-            return Received::Refused(refusal);
+        let age_ms = match self.acceptance.check_age(header, now_ms) {
+            Err(refusal) => return Received::Refused(refusal),
+            Ok(age_ms) => age_ms,
+        };
+        match target {
+            Some(target) => {
+                if !self.on_target {
+                    let twist = self
+                        .settings
+                        .wheels
+                        .twist(&self.set_point.wheel_rad_per_s, self.set_point.steering_rad);
+                    self.fusion.take_over(&twist, self.set_point.steering_rad);
+                }
+                // Until the fusion's next step the robot goes on as it does.
+                let held = Command {
+                    wheel_rad_per_s: self.set_point.wheel_rad_per_s,
+                    steering_rad: self.set_point.steering_rad,
+                    ..*command
+                };
+                self.watchdog.accept(&held, header.epoch, now_ms);
+                self.fusion.accept(target, age_ms);
+            }
+            None => {
+                self.fusion.reset();
+                self.watchdog.accept(command, header.epoch, now_ms);
+            }
         }
-        self.watchdog.accept(&command, header.epoch, now_ms);
+        self.on_target = target.is_some();
         self.applied_sequence = header.sequence;
         self.applied_tick = header.tick;
         Received::Accepted
     }
 
+    /// A fix obeys the order of frames but moves nothing, so its own way may take as long as it likes; its exposure counts.
+    fn on_fix(&mut self, header: &Header, fix: &Fix, now_ms: u32) -> Received {
+        if let Err(refusal) = self.acceptance.check_order(header, now_ms) {
+            return Received::Refused(refusal);
+        }
+        self.heard_ms = header.clock_ms;
+        let Some(age) = self.acceptance.clock().age(now_ms, fix.exposure_ms) else {
+            return Received::Refused(Refusal::ClockUnknown);
+        };
+        if age.largest_ms() > MAX_FIX_AGE_MS {
+            return Received::Refused(Refusal::Stale {
+                age_ms: age.largest_ms(),
+            });
+        }
+        Received::Fix(self.estimator.fix(&PoseFix {
+            x_m: fix.x_m,
+            y_m: fix.y_m,
+            yaw_rad: fix.yaw_rad,
+            position_sd_m: fix.position_sd_m,
+            yaw_sd_rad: fix.yaw_sd_rad,
+            age_ms: age.estimate_ms,
+        }))
+    }
+
     /// One control step; call it at [`RATE_HZ`].
     pub fn step(&mut self, now_ms: u32, sensors: &Sensors) -> Outputs {
         self.sensors = *sensors;
-        let set_point = self.watchdog.step(now_ms);
-        let mut motor_v = [0.0; MAX_MOTORS];
-        let wheels = set_point.wheel_rad_per_s.iter().zip(&sensors.wheel_rad_per_s);
-        for ((voltage, speed_loop), (&command_rad_per_s, &measured_rad_per_s)) in motor_v
-            .iter_mut()
-            .zip(&mut self.speed_loops)
-            .zip(wheels)
-            .take(self.settings.motors)
-        {
-            *voltage = speed_loop.step(
-                WheelSpeed {
-                    command_rad_per_s,
-                    measured_rad_per_s,
-                },
-                sensors.bus_v,
-            );
+        self.estimate(sensors);
+        self.look_after(sensors);
+        if self.findings.action() == Action::Stop {
+            self.watchdog.stop(self.acceptance.epoch());
         }
-        self.saturated = motor_v.iter().any(|voltage| voltage.abs() >= sensors.bus_v);
+        if self.on_target {
+            let set_point = self.fusion.step(&self.estimator.estimate(), &self.settings.wheels);
+            self.watchdog.hold(&set_point);
+        }
+        self.set_point = self.watchdog.step(now_ms);
+        if self.motor_wait == 0 {
+            self.motor_wait = RATE / self.settings.motor.sample_rate_hz.clamp(1, RATE);
+            self.motor_step(&MotorSensors {
+                wheel_rad_per_s: sensors.wheel_rad_per_s,
+                encoder_count: sensors.encoder_count,
+                current_a: sensors.current_a,
+                bus_v: sensors.bus_v,
+            });
+        }
+        self.motor_wait -= 1;
         Outputs {
-            motor_v,
-            steering_rad: set_point.steering_rad,
+            motor_v: self.motor_v,
+            steering_rad: self.set_point.steering_rad,
         }
     }
 
-    /// Forgets the integrals of the speed loops: the robot was lifted and its motors were without power.
-    pub fn reset_drives(&mut self) {
-        self.speed_loops.iter_mut().for_each(SpeedLoop::reset);
+    /// One sample of the motors' control between two steps; returns the voltages until the next.
+    pub fn motor_step(&mut self, sensors: &MotorSensors) -> [f64; MAX_MOTORS] {
+        let settings = self.settings.motor;
+        let counts = sensors.encoder_count;
+        let controllers = self
+            .controllers
+            .get_or_insert_with(|| core::array::from_fn(|i| Controller::new(settings, counts[i])));
+        self.motor_v = [0.0; MAX_MOTORS];
+        for (i, controller) in controllers.iter_mut().enumerate().take(self.settings.wheels.motors()) {
+            self.motor_v[i] = controller.step(&ControlSample {
+                command_rad_per_s: self.set_point.wheel_rad_per_s[i],
+                wheel_rad_per_s: sensors.wheel_rad_per_s[i],
+                encoder_count: sensors.encoder_count[i],
+                current_a: sensors.current_a[i],
+                bus_v: sensors.bus_v,
+            });
+        }
+        self.saturated = self.motor_v.iter().any(|voltage| voltage.abs() >= sensors.bus_v);
+        self.motor_v
     }
 
-    /// Writes telemetry of the last step for the current commander and returns its length.
-    pub fn telemetry(&mut self, now_ms: u32, out: &mut [u8; TELEMETRY_MAX_CHARACTERS]) -> usize {
-        self.write_telemetry(now_ms, self.heard_ms, out)
-    }
-
-    /// Answer to an authentic frame of somebody who is not the commander: the same without an echo, whose clock it would not be.
-    pub fn probe_reply(&mut self, now_ms: u32, out: &mut [u8; TELEMETRY_MAX_CHARACTERS]) -> usize {
-        self.write_telemetry(now_ms, 0, out)
-    }
-
-    fn write_telemetry(&mut self, now_ms: u32, echo_ms: u32, out: &mut [u8; TELEMETRY_MAX_CHARACTERS]) -> usize {
-        self.sent_frames = self.sent_frames.wrapping_add(1);
-        let header = Header {
-            robot: self.settings.number,
-            epoch: self.acceptance.epoch(),
-            sequence: self.sent_frames,
-            tick: self.applied_tick,
-            clock_ms: now_ms,
-            echo_ms,
-        };
-        let state = self.watchdog.state();
-        let sensors = &self.sensors;
-        let telemetry = Telemetry {
-            status: Status {
-                running: state == WatchdogState::Running && self.watchdog.is_enabled(),
-                ramping: state == WatchdogState::Ramping,
-                latched: state == WatchdogState::Latched,
-                clock_known: self.acceptance.clock().age(now_ms, self.heard_ms).is_some(),
-                stopped: self.watchdog.is_stopped(),
-                saturated: self.saturated,
-            },
-            applied_sequence: self.applied_sequence,
-            wheel_rad_per_s: sensors.wheel_rad_per_s,
-            wheel_rad: sensors.wheel_rad,
-            current_a: sensors.current_a,
-            bus_v: sensors.bus_v,
+    fn estimate(&mut self, sensors: &Sensors) {
+        let wheels = &self.settings.wheels;
+        let moved = sensors
+            .wheel_rad
+            .iter()
+            .zip(&self.standing_at_rad)
+            .any(|(now, then)| (now - then).abs() > STANDING_RAD);
+        let told = self.set_point.wheel_rad_per_s.iter().any(|speed| *speed != 0.0);
+        if moved || told {
+            self.standing_at_rad = sensors.wheel_rad;
+            self.standing_s = 0.0;
+        } else {
+            self.standing_s += 1.0 / RATE_HZ;
+        }
+        self.estimator.step(&Measurement {
             gyro_z_rad_per_s: sensors.gyro_z_rad_per_s,
             accel_m_per_s2: sensors.accel_m_per_s2,
-            steering_rad: sensors.steering_rad,
-        };
-        frame::encode_telemetry(&header, &telemetry, &self.settings.key, out)
+            wheel_twist: wheels.twist(&sensors.wheel_rad_per_s, sensors.steering_rad),
+            sees_sideways: wheels.sees_sideways(),
+            standing: self.standing_s >= STANDING_S,
+            magnetic_field_t: sensors.magnetic_field_t,
+        });
+    }
+
+    fn look_after(&mut self, sensors: &Sensors) {
+        let motors = core::array::from_fn(|i| MotorSample {
+            voltage_v: self.motor_v[i],
+            wheel_rad_per_s: sensors.wheel_rad_per_s[i],
+        });
+        let power_w = self
+            .motor_v
+            .iter()
+            .zip(&sensors.current_a)
+            .map(|(voltage_v, current_a)| voltage_v * current_a)
+            .sum();
+        let level = self.battery.step(sensors.bus_v, power_w);
+        self.findings = self
+            .health
+            .step(level, sensors.bus_v, sensors.gyro_z_rad_per_s, &motors);
+    }
+
+    /// Forgets the integrals of the motors' control: their power was off.
+    pub fn reset_drives(&mut self) {
+        self.controllers = None;
+        self.motor_v = [0.0; MAX_MOTORS];
+        self.motor_wait = 0;
+    }
+
+    /// The robot was lifted and stands somewhere else: drives, pose and findings start over; epoch and counters stay.
+    pub fn put_down(&mut self) {
+        self.reset_drives();
+        self.estimator.lift();
+        self.health.reset();
+        self.fusion.reset();
+        self.standing_s = 0.0;
     }
 }

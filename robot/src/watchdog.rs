@@ -113,6 +113,13 @@ impl Watchdog {
         }
     }
 
+    /// Sets the set-point of a robot that closes its own loop, while its last target may move it.
+    pub fn hold(&mut self, set_point: &SetPoint) {
+        if self.state == WatchdogState::Running && self.enabled {
+            self.held = *set_point;
+        }
+    }
+
     /// Ramps down and latches. Unlike motion, a stop needs no fresh command.
     pub fn stop(&mut self, epoch: u32) {
         self.state = WatchdogState::Latched;

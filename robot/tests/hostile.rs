@@ -1,11 +1,11 @@
 //! Damaged, random, forged and replayed bytes.
 
 use proptest::prelude::*;
-use robot::firmware::{Firmware, Received, Sensors, Settings};
+mod kit;
+
+use robot::firmware::{Firmware, Received, Sensors};
 use robot::frame::{Command, FrameError, Header, decode, encode_command};
 use robot::key::Key;
-use robot::speed_loop::SpeedLoopSettings;
-use robot::watchdog::WatchdogSettings;
 
 const KEY: Key = Key::new(*b"sixteen byte key");
 const OTHER_KEY: Key = Key::new(*b"another 16 bytes");
@@ -25,17 +25,7 @@ fn drive() -> Command {
 }
 
 fn firmware() -> Firmware {
-    Firmware::new(Settings {
-        number: 3,
-        key: KEY,
-        motors: 4,
-        speed_loop: SpeedLoopSettings {
-            kp_v_s_per_rad: 0.8,
-            ki_v_per_rad: 6.0,
-            sample_s: 1.0 / 480.0,
-        },
-        watchdog: WatchdogSettings::default(),
-    })
+    Firmware::new(kit::settings(3, KEY))
 }
 
 /// Frame `sequence` of a laboratory whose clock is 5000 ms ahead, sent at robot time `sent_ms`.

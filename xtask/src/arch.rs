@@ -34,6 +34,8 @@ const EDGES: &[(&str, &[&str])] = &[
 /// Further packages that only the tests of a package may use.
 const TEST_EDGES: &[(&str, &[&str])] = &[
     ("control", &["api"]),
+    // The emulated plant against the nominal twin.
+    ("identify", &["api", "emulator", "robot"]),
     ("system-tests", &["control"]),
     // The twin's motor control against the firmware's, bit for bit.
     ("twin", &["robot"]),

@@ -1,6 +1,7 @@
 //! All robots on one floor between four walls: bumpers are spring-dampers, so nothing passes through anything.
 
-use super::body::{Body, Drive, Push};
+use super::body::{Body, Drive, Ground, Push};
+use super::contents::PlantContents;
 use super::{SUBSTEPS, Step, TICK_HZ};
 use crate::hidden::HiddenFloor;
 
@@ -18,6 +19,7 @@ pub struct Arena {
     pub width_m: f64,
     pub height_m: f64,
     pub floor: HiddenFloor,
+    pub contents: PlantContents,
 }
 
 /// A robot in the arena, and what moves it.
@@ -25,10 +27,32 @@ pub struct Arena {
 pub struct Occupant<'a> {
     pub body: &'a mut Body,
     pub drive: Drive,
+    /// Motor control that samples more often than the firmware steps.
+    pub stage: Option<&'a mut dyn MotorStage>,
+}
+
+/// Motor control between two firmware steps.
+pub trait MotorStage: std::fmt::Debug {
+    /// Samples in a firmware step; the first is the firmware's own.
+    fn samples_per_tick(&self) -> u32;
+
+    /// Voltages until the next sample.
+    fn sample(&mut self, body: &Body) -> [f64; robot::MAX_MOTORS];
+}
+
+impl Occupant<'_> {
+    /// Lets the motor control sample when one falls on this step: sample `j` of `k` on step `ceil(j n / k)`.
+    fn control(&mut self, step: u32, steps: u32) {
+        let Some(stage) = &mut self.stage else { return };
+        let samples = stage.samples_per_tick();
+        if step > 0 && step * samples / steps > (step - 1) * samples / steps {
+            self.drive.motor_v = Some(stage.sample(self.body));
+        }
+    }
 }
 
 /// One point where a bumper is pressed in.
-struct Touch {
+pub(super) struct Touch {
     depth_m: f64,
     /// Unit vector out of the other body.
     normal: [f64; 2],
@@ -38,6 +62,20 @@ struct Touch {
 }
 
 impl Touch {
+    /// Against something that does not move.
+    pub(super) fn fixed(body: &Body, depth_m: f64, normal: [f64; 2]) -> Self {
+        Self {
+            depth_m,
+            normal,
+            velocity_m_per_s: point_velocity(body, normal),
+            mass_kg: body.mass_kg,
+        }
+    }
+
+    pub(super) fn press(&self, body: &Body, push: &mut Push) {
+        add(push, body, self.force_n(), self.normal);
+    }
+
     fn force_n(&self) -> [f64; 2] {
         let ([nx, ny], [vx, vy]) = (self.normal, self.velocity_m_per_s);
         let opening_m_per_s = vx * nx + vy * ny;
@@ -64,7 +102,10 @@ impl Arena {
         };
         let near = near_pairs(occupants);
         let mut pushes = vec![Push::default(); occupants.len()];
-        for _ in 0..substeps {
+        for index in 0..substeps {
+            for occupant in occupants.iter_mut() {
+                occupant.control(index, substeps);
+            }
             for (push, occupant) in pushes.iter_mut().zip(occupants.iter()) {
                 *push = self.wall_push(occupant.body);
             }
@@ -72,7 +113,11 @@ impl Arena {
                 press_apart(occupants, &mut pushes, a, b);
             }
             for (occupant, push) in occupants.iter_mut().zip(&pushes) {
-                occupant.body.step(&occupant.drive, &self.floor, push, step);
+                let ground = Ground {
+                    floor: &self.floor,
+                    contents: &self.contents,
+                };
+                occupant.body.step(&occupant.drive, &ground, push, step);
             }
         }
     }
@@ -89,15 +134,10 @@ impl Arena {
         ];
         for (depth_m, normal) in walls {
             if depth_m > 0.0 {
-                let touch = Touch {
-                    depth_m,
-                    normal,
-                    velocity_m_per_s: point_velocity(body, normal),
-                    mass_kg: body.mass_kg,
-                };
-                add(&mut push, body, touch.force_n(), normal);
+                Touch::fixed(body, depth_m, normal).press(body, &mut push);
             }
         }
+        self.contents.press(body, &mut push);
         push
     }
 }

@@ -1,6 +1,7 @@
 //! One robot: a rigid body on wheels. Its state lives at the centre of mass in the world frame.
 
 use super::battery::Battery;
+use super::contents::PlantContents;
 use super::load::{Loads, Spring};
 use super::motor::{Gear, Motor};
 use super::steering::{Steering, SteeringState};
@@ -65,13 +66,34 @@ pub struct Push {
     pub moment_n_m: f64,
 }
 
+/// The floor under a robot: what is hidden in it and what everybody knows of it.
+#[derive(Debug, Clone, Copy)]
+pub struct Ground<'a> {
+    pub floor: &'a HiddenFloor,
+    pub contents: &'a PlantContents,
+}
+
+impl Ground<'_> {
+    /// Times the nominal friction at a wheel's contact point.
+    pub fn friction_scale(&self, point: [f64; 2]) -> f64 {
+        let [x, y] = point;
+        let patch = self
+            .floor
+            .patches
+            .iter()
+            .find(|patch| (x - patch.x_m).hypot(y - patch.y_m) < patch.radius_m);
+        let hidden = self.floor.friction_scale * patch.map_or(1.0, |patch| patch.friction_scale);
+        hidden * self.contents.friction_scale(point)
+    }
+}
+
 /// Why a robot cannot be emulated.
 #[derive(Debug, thiserror::Error)]
 pub enum BodyError {
     #[error("robot {0}: a driven robot needs a motor")]
     MotorMissing(String),
-    #[error("robot {0}: the emulator runs the plain speed loop only; leave motor.controller out")]
-    Controller(String),
+    #[error(transparent)]
+    Commissioning(#[from] crate::commissioning::CommissioningError),
     #[error("robot {robot}: {found} driven wheels, the link carries at most {most}")]
     TooManyMotors { robot: String, found: usize, most: usize },
     #[error("robot {robot}: {found} wheels, at most {most}")]
@@ -247,30 +269,25 @@ impl Body {
         0.5 * self.mass_kg * (vx * vx + vy * vy) + 0.5 * self.yaw_inertia_kg_m2 * r * r + wheels
     }
 
-    /// Friction coefficient under the body: the floor's, with its patches.
-    fn friction_at(&self, floor: &HiddenFloor) -> f64 {
-        let [x, y] = self.state.position_m;
-        let patch = floor
-            .patches
-            .iter()
-            .find(|patch| (x - patch.x_m).hypot(y - patch.y_m) < patch.radius_m);
-        self.friction * floor.friction_scale * patch.map_or(1.0, |patch| patch.friction_scale)
-    }
-
     /// Moves the robot by a step.
-    pub fn step(&mut self, drive: &Drive, floor: &HiddenFloor, push: &Push, step: Step) {
+    pub fn step(&mut self, drive: &Drive, ground: &Ground<'_>, push: &Push, step: Step) {
+        let floor = ground.floor;
         let (sin, cos) = self.state.yaw_rad.sin_cos();
         let [vx, vy] = self.state.velocity_m_per_s;
         let (forward, left, r) = (cos * vx + sin * vy, cos * vy - sin * vx, self.state.yaw_rate_rad_per_s);
         let loads = self.loads.step(self.state.specific_force_m_per_s2, step);
         self.steer(drive.steering_rad, step);
-        let (friction, bus_v) = (self.friction_at(floor), self.battery.bus_v());
+        let (bus_v, [com_x, com_y]) = (self.battery.bus_v(), self.state.position_m);
         let (mut force_n, mut moment_n_m, mut power_w, mut motor_index) = ([0.0; 2], 0.0, 0.0, 0);
         for ((wheel, state), load_n) in self.wheels.iter().zip(&mut self.state.wheels).zip(loads) {
+            let contact = [
+                com_x + cos * wheel.x_m - sin * wheel.y_m,
+                com_y + sin * wheel.x_m + cos * wheel.y_m,
+            ];
             let mut input = WheelInput {
                 hub_m_per_s: [forward - r * wheel.y_m, left + r * wheel.x_m],
                 load_n,
-                friction,
+                friction: self.friction * ground.friction_scale(contact),
                 rolling_resistance: floor.rolling_resistance,
                 voltage_v: None,
                 stuck: false,
@@ -294,8 +311,8 @@ impl Body {
         self.state.specific_force_m_per_s2 = body_force.map(|force| force / self.mass_kg);
         let [fx, fy] = body_force;
         let world_acceleration = [
-            (cos * fx - sin * fy) / self.mass_kg - GRAVITY_M_PER_S2 * floor.slope[0],
-            (sin * fx + cos * fy) / self.mass_kg - GRAVITY_M_PER_S2 * floor.slope[1],
+            (cos * fx - sin * fy) / self.mass_kg - GRAVITY_M_PER_S2 * (floor.slope[0] + ground.contents.slope[0]),
+            (sin * fx + cos * fy) / self.mass_kg - GRAVITY_M_PER_S2 * (floor.slope[1] + ground.contents.slope[1]),
         ];
         for ((position, velocity), acceleration) in self
             .state
@@ -345,13 +362,6 @@ fn check(description: &RobotDescription) -> Result<(), BodyError> {
     let driven = description.wheels.iter().filter(|wheel| wheel.driven).count();
     if driven > 0 && description.motor.is_none() {
         return Err(BodyError::MotorMissing(robot()));
-    }
-    if description
-        .motor
-        .as_ref()
-        .is_some_and(|motor| motor.controller.is_some())
-    {
-        return Err(BodyError::Controller(robot()));
     }
     if driven > robot::MAX_MOTORS {
         return Err(BodyError::TooManyMotors {

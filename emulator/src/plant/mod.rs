@@ -6,6 +6,7 @@ pub mod arena;
 pub mod battery;
 pub mod body;
 pub mod contact;
+pub mod contents;
 pub mod load;
 pub mod motor;
 pub mod steering;

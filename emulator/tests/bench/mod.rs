@@ -155,6 +155,12 @@ impl Bench {
         }
     }
 
+    /// Sequence for a frame of one's own after the period's command, the echo for robot 0, and the time.
+    pub fn between(&mut self) -> (u32, u32, i64) {
+        self.sequence += 1;
+        (self.sequence, self.echo_ms[0], self.now_us)
+    }
+
     pub fn drive_for(&mut self, seconds: f64, command: impl Fn(usize) -> Option<Command>) {
         for _ in 0..(seconds * 120.0) as u32 {
             self.period(&command);
