@@ -4,6 +4,7 @@
 //! and the fault menu; time is an argument. The program adds sockets and the clock. The plant is on purpose not the digital
 //! twin: other equations at a finer step, and a hidden configuration that nobody else reads.
 
+pub mod applied;
 pub mod camera;
 pub mod clock;
 pub mod commissioning;

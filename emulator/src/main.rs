@@ -2,6 +2,7 @@
 
 use anyhow::Context;
 use clap::Parser;
+use emulator::applied::AppliedLog;
 use emulator::camera::{CameraSet, CameraSettings};
 use emulator::hand::Hand;
 use emulator::hidden::Hidden;
@@ -44,6 +45,9 @@ struct Settings {
     /// A camera: calibration file and socket of its frames, with a comma between; once for each camera.
     #[arg(long, value_parser = calibration_and_socket)]
     camera: Vec<(PathBuf, PathBuf)>,
+    /// Write down when each robot began to follow each command: robot, sequence, microseconds.
+    #[arg(long)]
+    applied_log: Option<PathBuf>,
     /// Pictures per second of each camera.
     #[arg(long, default_value_t = 60.0)]
     camera_hz: f64,
@@ -109,6 +113,7 @@ fn main() -> anyhow::Result<()> {
         .map(|path| TrackerStream::listen(path, settings.seed))
         .transpose()?;
     let mut cameras = start_cameras(&settings)?;
+    let applied = settings.applied_log.as_deref().map(AppliedLog::create).transpose()?;
     let mut hand = Hand::listen(&settings.hand)?;
     tracing::info!(
         robots = description.robots.len(),
@@ -116,7 +121,14 @@ fn main() -> anyhow::Result<()> {
         udp_base = settings.robot_udp_base,
         "emulated laboratory is up"
     );
-    run(&mut laboratory, &mut link, tracker.as_mut(), &mut cameras, &mut hand);
+    run(
+        &mut laboratory,
+        &mut link,
+        tracker.as_mut(),
+        &mut cameras,
+        &mut hand,
+        applied,
+    );
     tracing::info!("emulated laboratory ends");
     Ok(())
 }
@@ -147,6 +159,7 @@ fn run(
     mut tracker: Option<&mut TrackerStream>,
     cameras: &mut CameraSet,
     hand: &mut Hand,
+    mut applied: Option<AppliedLog>,
 ) {
     let tick_us = |tick: i64| tick * 1_000_000 / i64::from(TICK_HZ);
     let (mut start_us, mut done, mut pictures) = (clock::monotonic_us(), 0i64, 0u64);
@@ -170,6 +183,13 @@ fn run(
             done += 1;
             // The plant stands at its last tick, not at this moment.
             cameras.note(start_us + tick_us(done), laboratory.units());
+        }
+        if due > 0
+            && let Some(log) = &mut applied
+            && let Err(error) = log.note(clock::monotonic_us(), laboratory.units())
+        {
+            tracing::warn!(%error, "the log of applied commands cannot be written");
+            applied = None;
         }
         let picture = done as u64 / TICKS_PER_PICTURE;
         if picture > pictures {

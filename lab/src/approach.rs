@@ -67,6 +67,7 @@ pub async fn drive(
         signals: run::signals(lab, lease, recorder),
         duration_ticks: (TIME_LIMIT_S * TICK_HZ as f64).round() as i64,
         first_tick: FIRST_TICK,
+        phase_us: lab.localisation.tick_phase_us(1e6 / TICK_HZ as f64),
     };
     let LoopEnd { result, ports } = run::run_loop(setup).await?;
     let LoopResult { ending, ticks, .. } = result;

@@ -3,7 +3,7 @@
 use crate::clock_map::link_clock_ms;
 use crate::record::LINK_WHEELS;
 use control::safety::SafeCommand;
-use robot::frame::{self, COMMAND_MAX_CHARACTERS, Header, Payload};
+use robot::frame::{self, COMMAND_MAX_CHARACTERS, Header, Part, Payload};
 use robot::key::Key;
 
 /// What a frame tells the robot. Only the safety filter makes the command of a [`Order::Drive`].
@@ -59,6 +59,23 @@ impl CommandFrame {
     /// The frame as it goes on the link.
     pub fn as_bytes(&self) -> &[u8] {
         self.characters.get(..self.length).unwrap_or_default()
+    }
+}
+
+/// One robot's command on its way into a group. Only a [`Commander`] makes one, from a command of the safety filter or
+/// an order to stand still.
+#[derive(Debug, Clone, Copy)]
+pub struct CommandPart(Part);
+
+impl CommandPart {
+    /// Number of the robot.
+    pub const fn robot(&self) -> u8 {
+        self.0.robot
+    }
+
+    /// As the codec wants it.
+    pub(crate) const fn part(&self) -> &Part {
+        &self.0
     }
 }
 
@@ -139,6 +156,23 @@ impl Commander {
             steering_rad: sent.steering_rad,
         };
         (frame, sent)
+    }
+
+    /// This robot's part of a group; the group has a sequence and a clock of its own.
+    ///
+    /// - `sequence`: of the group, not below [`Self::next_sequence`].
+    pub fn part(&mut self, order: Order<'_>, sequence: u32, now_us: i64, heard_ms: u32) -> (CommandPart, Sent) {
+        self.next_sequence = sequence;
+        // The frame of its own tells the values in the resolution of the link; a group carries the same payload.
+        let command = self.command(order);
+        let (_, sent) = self.frame(order, 0, now_us, heard_ms);
+        let part = Part {
+            robot: self.number,
+            echo_ms: heard_ms,
+            command,
+            key: self.key,
+        };
+        (CommandPart(part), sent)
     }
 
     fn command(&self, order: Order<'_>) -> frame::Command {

@@ -1,13 +1,16 @@
 //! The robot link: command frames out, telemetry in. Only a [`SafeCommand`] can make a robot move.
 
 use crate::clock::monotonic_us;
-use crate::commander::{Commander, Order, Sent, Still};
-use crate::ear::Ear;
+use crate::clock_map::link_clock_ms;
+use crate::commander::{CommandPart, Commander, Order, Sent, Still};
+use crate::ear::{Ear, Heard};
 use crate::epochs::{EpochBook, RESERVED_FRAMES};
 use crate::feed::Feed;
+use crate::link_statistics::LinkStatistics;
 use crate::record::Telemetry;
 use api::robot::LabRobot;
 use control::safety::SafeCommand;
+use robot::frame::{GROUP_MAX_ROBOTS, GroupHeader, Health, MAX_CHARACTERS, Part, encode_group};
 use robot::key::Key;
 use std::collections::BTreeMap;
 use std::io;
@@ -38,6 +41,9 @@ pub struct RobotLink {
     /// Robot's clock in its newest frame, to be echoed.
     heard_clock_ms: AtomicU32,
     newest: Mutex<Option<Telemetry>>,
+    /// Newest health with its arrival; robots that send it read groups, too.
+    health: Mutex<Option<(Health, i64)>>,
+    statistics: Mutex<LinkStatistics>,
     /// Right to send; a run takes it out.
     port: Mutex<Option<RobotPort>>,
 }
@@ -82,6 +88,8 @@ impl Link {
                 key: *keys.get(&number).ok_or_else(missing)?,
                 heard_clock_ms: AtomicU32::new(0),
                 newest: Mutex::default(),
+                health: Mutex::default(),
+                statistics: Mutex::default(),
                 port: Mutex::default(),
             });
             let place = book.reserve(number)?;
@@ -143,12 +151,15 @@ impl Link {
             let Some(robot) = addressed(bytes).and_then(|number| self.robots.get(&number)) else {
                 continue;
             };
-            let sample = match ears
-                .entry(robot.number)
-                .or_default()
-                .hear(bytes, &robot.key, arrival_us)
-            {
-                Ok(sample) => sample,
+            let ear = ears.entry(robot.number).or_default();
+            let sample = match ear.listen(bytes, &robot.key, arrival_us) {
+                Ok(Heard::Motion(sample)) => sample,
+                Ok(Heard::Health(health)) => {
+                    *lock(&robot.health) = Some((health, arrival_us));
+                    *lock(&robot.statistics) = ear.statistics();
+                    continue;
+                }
+                Ok(Heard::Counters(_)) => continue,
                 Err(refusal) => {
                     tracing::debug!(robot.id = %robot.name, %refusal, "frame refused");
                     continue;
@@ -174,6 +185,16 @@ impl RobotLink {
     /// Newest telemetry, however old.
     pub fn newest(&self) -> Option<Telemetry> {
         *lock(&self.newest)
+    }
+
+    /// Newest health and its age; none from robots that do not tell.
+    pub fn health(&self) -> Option<(Health, i64)> {
+        lock(&self.health).map(|(health, arrival_us)| (health, monotonic_us() - arrival_us))
+    }
+
+    /// How well its frames come through, at the last health frame.
+    pub fn statistics(&self) -> LinkStatistics {
+        *lock(&self.statistics)
     }
 
     /// Heard within the last half second.
@@ -263,6 +284,40 @@ impl RobotPort {
     /// Sends a frame without motion.
     pub fn still(&mut self, still: Still, tick: u32) -> Sent {
         self.send(Order::Still(still), tick)
+    }
+
+    /// The robot reads groups: it has sent a frame of a type that came with them.
+    pub fn reads_groups(&self) -> bool {
+        lock(&self.robot.health).is_some()
+    }
+
+    /// Epoch and sequence of the next frame.
+    pub fn next_place(&self) -> (u32, u32) {
+        (self.commander.epoch(), self.commander.next_sequence())
+    }
+
+    /// This robot's part of the group with `sequence`.
+    pub fn part(&mut self, order: Order<'_>, sequence: u32) -> (CommandPart, Sent) {
+        let heard_ms = self.robot.heard_clock_ms.load(Ordering::Relaxed);
+        self.commander.part(order, sequence, monotonic_us(), heard_ms)
+    }
+
+    /// Sends a group to all robots at once.
+    ///
+    /// - `parts`: of at most [`GROUP_MAX_ROBOTS`] robots, in the order of their numbers.
+    pub fn send_group(&self, sequence: u32, tick: u32, parts: &[CommandPart]) {
+        debug_assert!(parts.len() <= GROUP_MAX_ROBOTS);
+        let header = GroupHeader {
+            epoch: self.commander.epoch(),
+            sequence,
+            tick,
+            clock_ms: link_clock_ms(monotonic_us()),
+        };
+        let mut characters = [0; MAX_CHARACTERS];
+        let parts: Vec<Part> = parts.iter().map(|part| *part.part()).collect();
+        let length = encode_group(&header, &parts, &mut characters);
+        let base = SocketAddr::new(self.address.ip(), self.address.port() - u16::from(self.robot.number));
+        let _lost = self.socket.send_to(characters.get(..length).unwrap_or_default(), base);
     }
 
     fn send(&mut self, order: Order<'_>, tick: u32) -> Sent {

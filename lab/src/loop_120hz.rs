@@ -4,16 +4,15 @@
 //! recorder's queue. A tick that was slept through is dropped, not made up for. What a tick does: [`crate::pilot`].
 
 use crate::clock::{monotonic_ns, monotonic_us, wait_until_ns};
-use crate::commander::{Sent, Still};
 use crate::link::HeldPort;
-use crate::pilot::{Outlet, Pilot, PilotRobot, Sink};
+use crate::pilot::{Pilot, PilotRobot, Sink};
 use crate::pose_frame::PoseFrame;
 use crate::realtime;
 use crate::record::{Motion, Record, Telemetry, Tick};
 use crate::recorder::RecorderHandle;
 use crate::safety::{Ending, Signals};
-use crate::schedule::{Due, TickSchedule};
-use control::safety::SafeCommand;
+use crate::schedule::{Due, TICK_HZ, TickSchedule};
+use crate::voice::Voice;
 use control::team::Team;
 use std::sync::mpsc::Receiver;
 
@@ -35,6 +34,8 @@ pub struct Setup {
     /// Signals from outside, read once per tick; must not block.
     pub signals: Box<dyn Fn() -> Signals + Send>,
     pub duration_ticks: i64,
+    /// Where in their period ticks should come, as the rest of the time divided by it; anywhere when none.
+    pub phase_us: Option<f64>,
     /// Number of the first tick: 0 for the run, negative for what comes before it.
     pub first_tick: i64,
 }
@@ -66,13 +67,14 @@ pub fn run(setup: Setup) -> LoopEnd {
         signals,
         duration_ticks,
         first_tick,
+        phase_us,
     } = setup;
     let realtime = realtime::request();
-    let start_ns = monotonic_ns() + LEAD_NS;
+    let start_ns = first_tick_ns(monotonic_ns() + LEAD_NS, phase_us);
     let start_us = start_ns / 1000;
     let mut schedule = TickSchedule::new(start_ns);
     let mut pilot = Pilot::new(team, robots, duration_ticks, start_us).numbered_from(first_tick);
-    let mut ports = Ports(ports);
+    let mut ports = Voice::new(ports);
     if first_tick >= 0 {
         recorder.push(Record::Motion(Motion { start_us, realtime }));
     }
@@ -106,10 +108,18 @@ pub fn run(setup: Setup) -> LoopEnd {
             let missed = schedule.missed();
             return LoopEnd {
                 result: LoopResult { ending, ticks, missed },
-                ports: ports.0,
+                ports: ports.into_ports(),
             };
         }
     }
+}
+
+/// The first moment from `earliest_ns` on that has the wanted phase.
+fn first_tick_ns(earliest_ns: i64, phase_us: Option<f64>) -> i64 {
+    let Some(phase_us) = phase_us else { return earliest_ns };
+    let period_ns = 1e9 / TICK_HZ as f64;
+    let behind_ns = (phase_us * 1e3 - earliest_ns as f64 % period_ns).rem_euclid(period_ns);
+    earliest_ns + behind_ns as i64
 }
 
 /// Ticks in a row, up to this one, that came too late for new commands: none when it is in time, two when ticks before it
@@ -122,23 +132,6 @@ fn overdue_ticks(late_ns: i64, dropped: i64) -> u32 {
     }
 }
 
-/// The robot link of the run.
-struct Ports(Vec<HeldPort>);
-
-impl Outlet for Ports {
-    fn drive(&mut self, place: usize, command: &SafeCommand, tick: u32) -> Sent {
-        self.0
-            .get_mut(place)
-            .map_or_else(Sent::nothing, |port| port.drive(command, tick))
-    }
-
-    fn still(&mut self, place: usize, still: Still, tick: u32) -> Sent {
-        self.0
-            .get_mut(place)
-            .map_or_else(Sent::nothing, |port| port.still(still, tick))
-    }
-}
-
 impl Sink for RecorderHandle {
     fn push(&mut self, record: Record) {
         RecorderHandle::push(self, record);
@@ -148,6 +141,18 @@ impl Sink for RecorderHandle {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_first_tick_has_the_wanted_phase() {
+        let period_us = 1e6 / TICK_HZ as f64;
+        for earliest_ns in [0, 123_456_789_012_345, 1_000_000_007] {
+            let start_ns = first_tick_ns(earliest_ns, Some(2500.0));
+            assert!((0..8_333_334).contains(&(start_ns - earliest_ns)));
+            let phase_us = start_ns as f64 / 1e3 % period_us;
+            assert!((phase_us - 2500.0).abs() < 0.1, "{phase_us}");
+        }
+        assert_eq!(first_tick_ns(77, None), 77);
+    }
 
     #[test]
     fn a_tick_in_time_gets_new_commands_whatever_was_dropped_before() {

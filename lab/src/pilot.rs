@@ -29,6 +29,8 @@ pub trait Outlet {
     fn drive(&mut self, place: usize, command: &SafeCommand, tick: u32) -> Sent;
     /// Sends a frame without motion.
     fn still(&mut self, place: usize, still: Still, tick: u32) -> Sent;
+    /// All robots have their order of this tick: what was kept back for a group goes out now.
+    fn finish(&mut self, _tick: u32) {}
 }
 
 /// Takes records down; never waits.
@@ -279,6 +281,7 @@ impl Pilot {
             let record = command_record(robot.number, self.first_tick + slot, &sent, Some(output), health);
             sink.push(Record::Command(record));
         }
+        outlet.finish(link_tick(slot));
         // After the frames: nothing here is as urgent as they are.
         for (robot, output) in self.robots.iter().zip(outputs) {
             if let Some(intervention) = &output.intervention {
@@ -308,6 +311,7 @@ impl Pilot {
                 health,
             )));
         }
+        outlet.finish(link_tick(slot));
         // The team must not believe that its last command is still being followed.
         self.team.stop();
     }

@@ -173,6 +173,7 @@ async fn try_attempt(
         signals: signals(lab, lease, recorder),
         duration_ticks: (assignment.experiment.duration_s * TICK_HZ as f64).round() as i64,
         first_tick: 0,
+        phase_us: lab.localisation.tick_phase_us(1e6 / TICK_HZ as f64),
     };
     recorder.log(
         LogLevel::Info,

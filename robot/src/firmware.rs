@@ -159,6 +159,11 @@ impl Firmware {
         self.acceptance.epoch()
     }
 
+    /// Sequence of the command that the set-points come from; 0 before the first.
+    pub fn applied_sequence(&self) -> u32 {
+        self.applied_sequence
+    }
+
     pub fn watchdog(&self) -> &Watchdog {
         &self.watchdog
     }

@@ -5,12 +5,14 @@
 mod cameras;
 mod fuser;
 mod line;
+mod rhythm;
 mod tracker;
 
 use crate::clock::monotonic_us;
 use crate::feed::Feed;
 use crate::pose_frame::{PoseFrame, SeenPose};
 use localise::FusionCounts;
+use rhythm::Rhythm;
 use std::collections::BTreeMap;
 use std::io;
 use std::path::PathBuf;
@@ -43,6 +45,7 @@ impl Source {
 struct Seen {
     newest_exposure_us: Option<i64>,
     robots: BTreeMap<u8, (SeenPose, i64)>,
+    rhythm: Rhythm,
 }
 
 /// Poses of the robots as they come in.
@@ -103,6 +106,11 @@ impl Localisation {
             .map(|(pose, exposure_us)| (*pose, monotonic_us() - exposure_us))
     }
 
+    /// When ticks of this period come just after pictures, as the rest of the time divided by it; `None` without a rhythm.
+    pub fn tick_phase_us(&self, period_us: f64) -> Option<f64> {
+        self.seen().rhythm.phase_us(period_us)
+    }
+
     /// State of every camera; empty with a tracker.
     pub fn cameras(&self) -> Vec<CameraStatus> {
         self.fuser()
@@ -127,6 +135,7 @@ impl Localisation {
     fn take(&self, frame: PoseFrame) {
         {
             let mut seen = self.seen();
+            seen.rhythm.note(frame.arrival_us);
             seen.newest_exposure_us = seen.newest_exposure_us.max(Some(frame.exposure_us));
             for pose in &frame.poses {
                 let newest = seen.robots.entry(pose.number).or_insert((*pose, i64::MIN));

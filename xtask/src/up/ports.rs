@@ -4,6 +4,8 @@ use std::net::{Ipv4Addr, TcpListener, UdpSocket};
 
 /// Robots n = 1.. listen on base + n; room for as many as an experiment may have.
 const ROBOTS_MAX: u16 = 50;
+/// Port above the base that is held to reserve the block.
+const RESERVATION: u16 = 99;
 const DEFAULT_ROBOT_UDP_BASE: u16 = 9000;
 const DEFAULT_LAB_STOP: u16 = 8081;
 /// Bases tried when the default is busy; below the range the kernel hands out by itself.
@@ -15,7 +17,7 @@ pub struct Ports {
     pub server: u16,
     pub lab_stop: u16,
     pub robot_udp_base: u16,
-    /// The base itself belongs to no robot: holding it keeps other systems away from the whole block.
+    /// A port above all robots: holding it keeps other systems away from the whole block.
     _reservation: Option<UdpSocket>,
 }
 
@@ -69,8 +71,9 @@ fn robot_block(first: Option<u16>) -> Result<(u16, UdpSocket), String> {
 
 fn reserve(base: u16) -> Option<UdpSocket> {
     let bind = |port: u16| UdpSocket::bind((Ipv4Addr::LOCALHOST, port)).ok();
-    let reservation = bind(base)?;
-    (1..=ROBOTS_MAX)
+    let reservation = bind(base + RESERVATION)?;
+    // Groups of commands go to the base itself.
+    (0..=ROBOTS_MAX)
         .all(|robot| bind(base + robot).is_some())
         .then_some(reservation)
 }
