@@ -41,6 +41,11 @@ pub fn repository() -> PathBuf {
 impl System {
     /// Starts everything and waits until the laboratory is connected.
     pub async fn start(name: &str) -> anyhow::Result<Self> {
+        Self::start_with(name, &[]).await
+    }
+
+    /// As [`Self::start`], with further flags of `up`.
+    pub async fn start_with(name: &str, flags: &[&str]) -> anyhow::Result<Self> {
         let _ = rustls::crypto::ring::default_provider().install_default();
         let data = std::env::temp_dir().join(format!("robopheus-{name}-{}", std::process::id()));
         if data.exists() {
@@ -51,6 +56,7 @@ impl System {
         let up = Command::new(up_program()?)
             .args(["up", "--port", "0", "--skip-build", "--data"])
             .arg(&data)
+            .args(flags)
             .current_dir(repository())
             .stdin(Stdio::null())
             .stdout(log.try_clone()?)
@@ -186,9 +192,15 @@ impl System {
     }
 
     /// Stops everything as Ctrl-C does and returns what was left behind: processes and sockets.
-    pub fn stop(mut self) -> anyhow::Result<Vec<String>> {
+    pub fn stop(self) -> anyhow::Result<Vec<String>> {
+        self.stop_and(|| Ok(()))
+    }
+
+    /// As [`Self::stop`], with a last look at the folder before it goes.
+    pub fn stop_and(mut self, look: impl FnOnce() -> std::io::Result<()>) -> anyhow::Result<Vec<String>> {
         let pids = self.up_file().map(|file| file.pids).unwrap_or_default();
         let status = self.stop_up()?;
+        look()?;
         let mut left = Vec::new();
         if !status.success() {
             left.push(format!("`up` ended with {status}"));

@@ -1,5 +1,6 @@
 //! Benchmarks. What they mean is in `docs/speed.md`.
 
+mod lab;
 mod twin;
 
 use anyhow::Result;
@@ -18,21 +19,21 @@ pub struct BenchArguments {
 enum Subject {
     /// Robot-seconds per CPU-second of the twin, natively and in Chromium; memory per robot
     Twin(twin::TwinArguments),
+    /// From light to robot: each stage of the laboratory beside the paper's times
+    Lab(lab::LabArguments),
 }
 
 /// `cargo xtask bench`.
 pub fn bench(arguments: &BenchArguments) -> Result<End> {
     match &arguments.subject {
         Some(Subject::Twin(arguments)) => twin::bench(arguments),
+        Some(Subject::Lab(arguments)) => lab::bench(arguments),
         None => {
             let end = twin::bench(&twin::TwinArguments::default())?;
             if end != End::Good {
                 return Ok(end);
             }
-            Ok(crate::not_yet(
-                "bench",
-                "beyond the twin's speed, shown above, nothing is benchmarked",
-            ))
+            lab::bench(&lab::LabArguments::default())
         }
     }
 }

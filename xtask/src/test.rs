@@ -157,7 +157,7 @@ fn system_tests(found: &Found, database_url: &str) -> Result<()> {
 }
 
 /// Whole-system tests start the system by the program that runs them.
-fn export_own_program(command: &mut Command) -> Result<()> {
+pub fn export_own_program(command: &mut Command) -> Result<()> {
     command
         .env("ROBOPHEUS_UP", paths::own_program()?)
         .env_remove("DATABASE_URL");

@@ -19,7 +19,7 @@ use crate::setup::{Found, Needs, set_up};
 use crate::{End, bundle, paths, run, sys};
 use lock::Lock;
 use ports::Ports;
-use programs::Programs;
+use programs::{Choice, Programs};
 use record::Record;
 use supervisor::Supervisor;
 
@@ -42,6 +42,9 @@ pub struct UpArguments {
     /// Let a tracker tell the robots' poses instead of cameras
     #[arg(long)]
     pub tracker: bool,
+    /// Write down when robots applied commands (logs/applied.csv)
+    #[arg(long, hide = true)]
+    pub measure: bool,
     /// Take the programs and bundles as they are
     #[arg(long, hide = true)]
     pub skip_build: bool,
@@ -77,7 +80,7 @@ pub fn up(arguments: &UpArguments) -> Result<End> {
         (Some(binaries), None) => Some(Cluster::prepare(binaries, &data, Durability::Safe)?),
         _ => None,
     };
-    let programs = Programs::new(&data, ports, cluster, own_database, arguments.no_lab, arguments.tracker)?;
+    let programs = Programs::new(&data, ports, cluster, own_database, Choice::of(arguments))?;
     sys::catch_end_signals();
     serve(&data, &programs)
 }

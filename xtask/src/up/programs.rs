@@ -56,6 +56,27 @@ pub struct Programs {
     database_url: String,
     with_lab: bool,
     with_tracker: bool,
+    measure: bool,
+}
+
+/// What of the laboratory is started.
+#[derive(Debug, Clone, Copy)]
+pub struct Choice {
+    pub lab: bool,
+    /// A tracker instead of cameras.
+    pub tracker: bool,
+    /// Write down when robots applied commands.
+    pub measure: bool,
+}
+
+impl Choice {
+    pub fn of(arguments: &super::UpArguments) -> Self {
+        Self {
+            lab: !arguments.no_lab,
+            tracker: arguments.tracker,
+            measure: arguments.measure,
+        }
+    }
 }
 
 impl Programs {
@@ -65,8 +86,7 @@ impl Programs {
         ports: Ports,
         cluster: Option<Cluster>,
         own_database: Option<String>,
-        no_lab: bool,
-        with_tracker: bool,
+        choice: Choice,
     ) -> Result<Self> {
         let database_url = match (&cluster, own_database) {
             (Some(cluster), _) => cluster.url(),
@@ -81,8 +101,9 @@ impl Programs {
             ports,
             cluster,
             database_url,
-            with_lab: !no_lab,
-            with_tracker,
+            with_lab: choice.lab,
+            with_tracker: choice.tracker,
+            measure: choice.measure,
         };
         programs.check()?;
         if programs.with_lab {
@@ -216,6 +237,9 @@ impl Programs {
         self.remove_sockets();
         let mut command = self.command("robopheus-emulator");
         self.add_robot_flags(&mut command);
+        if self.measure {
+            command.arg("--applied-log").arg(self.data.join("logs/applied.csv"));
+        }
         if self.with_tracker {
             command.arg("--tracker").arg(self.socket(TRACKER_SOCKET));
         } else {
