@@ -13,6 +13,28 @@ pub struct LiveFrame {
     pub time_s: f64,
     pub robots: Vec<LiveRobot>,
     pub ticks_missed: i64,
+    /// How long the stages from light to command took since the last frame.
+    #[serde(default)]
+    pub stages: Option<LiveStages>,
+}
+
+/// Means since the last frame of one run's picture.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct LiveStages {
+    /// Mid-exposure to the whole picture at the localiser.
+    pub camera_ms: f64,
+    /// Finding the tags.
+    pub locate_ms: f64,
+    /// To the laboratory's process, and fusion.
+    pub fuse_ms: f64,
+    /// Waiting for the next tick.
+    pub wait_ms: f64,
+    /// Law, safety filter, frames to all robots.
+    pub control_ms: f64,
+    /// One way on the robot link, by the estimated clock offsets.
+    pub link_ms: f64,
+    /// Pictures in these means.
+    pub pictures: u32,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -65,6 +65,7 @@ pub struct Rehearsal {
     path_error: Option<(f64, f64, usize)>,
     replay: Vec<ReplayRobot>,
     broken: bool,
+    stuck: bool,
 }
 
 /// Rehearses a scenario from start to end.
@@ -114,6 +115,7 @@ impl Rehearsal {
             path_error: None,
             replay,
             broken: false,
+            stuck: false,
             world,
         };
         rehearsal.add_frame();
@@ -139,15 +141,16 @@ impl Rehearsal {
         self.seen.rotate_left(1);
         self.seen[POSE_AGE_TICKS] = observe(&self.world, self.names.len(), POSE_AGE_TICKS as f64 * TICK_S);
         self.judge();
+        self.look_for_deadlock();
         if self.world.tick().is_multiple_of(FRAME_TICKS) {
             self.add_frame();
         }
         !self.is_finished()
     }
 
-    /// The duration is over, the team is done, or the numbers are no longer finite.
+    /// The duration is over, the team is done or stuck, or the numbers are no longer finite.
     pub fn is_finished(&self) -> bool {
-        self.broken || self.world.tick() >= self.ticks || self.team.is_done()
+        self.broken || self.stuck || self.world.tick() >= self.ticks || self.team.is_done()
     }
 
     /// Control ticks so far and at most.
@@ -309,6 +312,22 @@ impl Rehearsal {
         };
         let message = format!("{robot} {verb} obstacle {obstacle:?} at {time_s:.2} s");
         self.find(severity, code, vec![robot], message, None);
+    }
+
+    /// As in the laboratory, a deadlock that was given up ends the run.
+    fn look_for_deadlock(&mut self) {
+        self.stuck = self.team.is_stuck();
+        if !self.stuck {
+            return;
+        }
+        let held: Vec<String> = self.team.deadlocks().map(|one| self.names[one.robot].clone()).collect();
+        let attempts = self.team.deadlocks().map(|one| one.attempts).max().unwrap_or(0);
+        let message = format!(
+            "{} hold each other and did not get past one another in {} attempts; the run ends",
+            held.join(" and "),
+            attempts - 1
+        );
+        self.find(Severity::Warning, "deadlock", held, message, None);
     }
 
     fn target_not_reached(&mut self, i: usize) {

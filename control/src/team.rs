@@ -7,7 +7,7 @@ use twin::twist::BodyTwist;
 use crate::TICK_S;
 pub use crate::law::RobotObservation;
 use crate::law::{self, Body, Demand, Goal, Law, Observation, Parameters};
-use crate::safety::{FilterBody, Filtered, Intervention, Limits, SafeCommand, SafetyFilter};
+use crate::safety::{Deadlock, FilterBody, Filtered, Geofence, Intervention, Limits, SafeCommand, SafetyFilter};
 use crate::scenario::{FieldProblem, Scenario};
 use crate::vector::{add, clip, sub};
 
@@ -45,6 +45,7 @@ pub struct Team {
     filter: SafetyFilter,
     demands: Vec<Demand>,
     wanted: Vec<BodyTwist>,
+    intended: Vec<BodyTwist>,
     outputs: Vec<TeamOutput>,
     tick: u64,
     rest_ticks: u64,
@@ -74,7 +75,8 @@ impl Team {
                 robot,
                 bounding_radius_m,
             });
-        let mut filter = SafetyFilter::new(Limits::default(), arena_m, filter_bodies.collect());
+        let mut filter = SafetyFilter::new(Limits::default(), arena_m, filter_bodies.collect())
+            .with_contents(&scenario.arena.contents);
         let outputs = filter
             .stop()
             .iter()
@@ -87,6 +89,7 @@ impl Team {
             filter,
             demands: vec![Demand::default(); bodies.len()],
             wanted: vec![BodyTwist::default(); bodies.len()],
+            intended: vec![BodyTwist::default(); bodies.len()],
             bodies,
             outputs,
             tick: 0,
@@ -113,7 +116,10 @@ impl Team {
         for ((wanted, demand), last) in self.wanted.iter_mut().zip(&self.demands).zip(&self.outputs) {
             *wanted = accelerated(&last.safe.twist(), &demand.twist);
         }
-        let filtered = self.filter.apply(observations, &self.wanted);
+        for (intended, demand) in self.intended.iter_mut().zip(&self.demands) {
+            *intended = demand.twist;
+        }
+        let filtered = self.filter.apply_towards(observations, &self.wanted, &self.intended);
         for ((out, filtered), demand) in self.outputs.iter_mut().zip(filtered).zip(&self.demands) {
             *out = output(filtered, demand);
         }
@@ -126,6 +132,38 @@ impl Team {
     /// Stop commands for all robots, in order.
     pub fn stop(&mut self) -> Vec<SafeCommand> {
         self.stop_all().iter().map(|out| out.safe).collect()
+    }
+
+    /// Commands for a tick whose deadline has passed: those of the tick before, decelerated; from the second in a row
+    /// on, stop. The law is not asked.
+    pub fn missed_tick(&mut self) -> &[TeamOutput] {
+        for (out, late) in self.outputs.iter_mut().zip(self.filter.missed_tick()) {
+            out.safe = late.command;
+            out.intervention = late.intervention;
+        }
+        self.tick += 1;
+        &self.outputs
+    }
+
+    /// Keeps all robots inside a region, besides the walls.
+    pub fn with_geofence(mut self, fence: Geofence) -> Team {
+        self.filter = self.filter.with_geofence(fence);
+        self
+    }
+
+    /// The filter, for what was measured: link delays and tracked obstacles.
+    pub fn filter_mut(&mut self) -> &mut SafetyFilter {
+        &mut self.filter
+    }
+
+    /// Robots that hold each other or did a moment ago; those that are given up will not move again by themselves.
+    pub fn deadlocks(&self) -> impl Iterator<Item = Deadlock> + '_ {
+        self.filter.deadlocks()
+    }
+
+    /// Robots hold each other and every attempt to resolve it has failed: the run should end.
+    pub fn is_stuck(&self) -> bool {
+        self.deadlocks().any(|deadlock| deadlock.given_up)
     }
 
     /// All robots have been finished for [`REST_TICKS`].

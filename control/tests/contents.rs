@@ -5,6 +5,7 @@ mod common;
 use common::example;
 use control::rehearsal::Rehearsal;
 use control::scenario::Scenario;
+use control::team::Team;
 use serde_json::{Value, json};
 
 fn with(contents: Value) -> Value {
@@ -59,9 +60,8 @@ fn starts_and_targets_in_obstacles_are_refused() {
     }
 }
 
-#[test]
-fn a_rehearsal_reports_what_the_robots_touch() {
-    // Half way from the start to the first target, in the way: nothing in the law goes round it.
+/// An obstacle half way along the longest side of the rectangle: nothing in the law goes round it.
+fn in_the_way(kind: &str) -> Scenario {
     let document = example("rectangle-omni4");
     let targets = document["experiment"]["targets"].as_array().expect("targets");
     let at = |place: &Value| [place["x_m"].as_f64().expect("x"), place["y_m"].as_f64().expect("y")];
@@ -75,18 +75,41 @@ fn a_rehearsal_reports_what_the_robots_touch() {
         })
         .expect("a path");
     let (x_m, y_m) = (0.5 * (from[0] + to[0]), 0.5 * (from[1] + to[1]));
+    let mut obstacle = circle(0.05, x_m, y_m);
+    if kind == "pushable" {
+        obstacle["mass_kg"] = json!(0.5);
+        obstacle["floor_friction"] = json!(0.3);
+    }
+    let scenario = with(json!({kind: [obstacle]}));
+    Scenario::from_json(&scenario.to_string()).unwrap_or_else(|problems| panic!("{problems:#?}"))
+}
+
+/// The filter knows what stands in the arena: the robot waits in front of it and says that it did not arrive.
+#[test]
+fn robots_stop_in_front_of_obstacles() {
+    for kind in ["fixed", "pushable"] {
+        let mut rehearsal = Rehearsal::new(&in_the_way(kind)).expect("set up");
+        while rehearsal.step() {}
+        assert_eq!(rehearsal.frame().robots[0].safety, Some("wall"), "{kind}");
+        let verdict = rehearsal.finish().verdict;
+        let codes: Vec<&str> = verdict.findings.iter().map(|finding| finding.code.as_str()).collect();
+        assert_eq!(codes, ["target_not_reached"], "{kind}");
+        assert!(verdict.accepted);
+    }
+}
+
+/// A team that was not told of the obstacles drives into them.
+#[test]
+fn a_rehearsal_reports_what_the_robots_touch() {
     for (kind, code, accepted) in [
         ("fixed", "robot_hits_obstacle", false),
         ("pushable", "robot_pushes_obstacle", true),
     ] {
-        let mut obstacle = circle(0.05, x_m, y_m);
-        if kind == "pushable" {
-            obstacle["mass_kg"] = json!(0.5);
-            obstacle["floor_friction"] = json!(0.3);
-        }
-        let scenario = with(json!({kind: [obstacle]}));
-        let scenario = Scenario::from_json(&scenario.to_string()).unwrap_or_else(|problems| panic!("{problems:#?}"));
-        let mut rehearsal = Rehearsal::new(&scenario).expect("set up");
+        let scenario = in_the_way(kind);
+        let mut unaware = scenario.clone();
+        unaware.arena.contents = Default::default();
+        let team = Team::new(&unaware).expect("team");
+        let mut rehearsal = Rehearsal::with_team(&scenario, team).expect("set up");
         while rehearsal.step() {}
         let verdict = rehearsal.finish().verdict;
         let count = verdict.findings.iter().filter(|finding| finding.code == code).count();

@@ -1,5 +1,7 @@
 //! The hand's socket: one JSON request a line, one JSON reply a line.
 
+use crate::camera::CameraSet;
+use crate::camera::faults::CameraFaultRequest;
 use crate::faults::FaultRequest;
 use crate::laboratory::{Laboratory, Placement};
 use crate::socket::SocketFile;
@@ -11,13 +13,17 @@ use std::path::Path;
 const MAX_LINE_BYTES: usize = 64 << 10;
 const MAX_CALLERS: usize = 16;
 
-/// Either or both.
+/// Any of them.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Request {
-    /// Robots that are not listed are lifted off the floor.
+    /// Robots that are neither listed here nor in `keep` are lifted off the floor.
     place: Option<Vec<Placement>>,
+    /// Robots on the floor that stay where they are; for `place`.
+    #[serde(default)]
+    keep: Vec<u8>,
     fault: Option<FaultRequest>,
+    camera_fault: Option<CameraFaultRequest>,
 }
 
 #[derive(Debug, Serialize)]
@@ -48,7 +54,7 @@ impl Hand {
     }
 
     /// Carries out the requests that have come in.
-    pub fn poll(&mut self, laboratory: &mut Laboratory) {
+    pub fn poll(&mut self, laboratory: &mut Laboratory, cameras: &mut CameraSet) {
         while let Some(stream) = self.socket.accept() {
             if self.callers.len() < MAX_CALLERS {
                 self.callers.push(Caller {
@@ -57,13 +63,13 @@ impl Hand {
                 });
             }
         }
-        self.callers.retain_mut(|caller| caller.serve(laboratory));
+        self.callers.retain_mut(|caller| caller.serve(laboratory, cameras));
     }
 }
 
 impl Caller {
     /// `false` when the caller is gone.
-    fn serve(&mut self, laboratory: &mut Laboratory) -> bool {
+    fn serve(&mut self, laboratory: &mut Laboratory, cameras: &mut CameraSet) -> bool {
         let mut chunk = [0; 4096];
         let open = loop {
             match self.stream.read(&mut chunk) {
@@ -79,7 +85,7 @@ impl Caller {
         };
         while let Some(end) = self.received.iter().position(|byte| *byte == b'\n') {
             let line: Vec<u8> = self.received.drain(..=end).collect();
-            let mut reply = answer(&line, laboratory);
+            let mut reply = answer(&line, laboratory, cameras);
             reply.push(b'\n');
             // A reply is far smaller than a socket's buffer; a caller that does not read is let go.
             if self.stream.write_all(&reply).is_err() {
@@ -91,8 +97,8 @@ impl Caller {
 }
 
 /// Carries out one request line and returns the reply without its line feed.
-pub fn answer(line: &[u8], laboratory: &mut Laboratory) -> Vec<u8> {
-    let outcome = carry_out(line, laboratory);
+pub fn answer(line: &[u8], laboratory: &mut Laboratory, cameras: &mut CameraSet) -> Vec<u8> {
+    let outcome = carry_out(line, laboratory, cameras);
     if let Err(error) = &outcome {
         tracing::warn!(error, "hand request refused");
     }
@@ -103,18 +109,24 @@ pub fn answer(line: &[u8], laboratory: &mut Laboratory) -> Vec<u8> {
     serde_json::to_vec(&reply).unwrap_or_else(|_| br#"{"ok":false}"#.to_vec())
 }
 
-fn carry_out(line: &[u8], laboratory: &mut Laboratory) -> Result<(), String> {
+fn carry_out(line: &[u8], laboratory: &mut Laboratory, cameras: &mut CameraSet) -> Result<(), String> {
     let request: Request = serde_json::from_slice(line).map_err(|error| format!("not a request: {error}"))?;
-    if request.place.is_none() && request.fault.is_none() {
-        return Err("neither place nor fault".to_owned());
+    if request.place.is_none() && request.fault.is_none() && request.camera_fault.is_none() {
+        return Err("neither place nor fault nor camera_fault".to_owned());
     }
     if let Some(placements) = &request.place {
-        laboratory.place(placements).map_err(|error| error.to_string())?;
+        laboratory
+            .place_some(placements, &request.keep)
+            .map_err(|error| error.to_string())?;
         tracing::info!(robots = placements.len(), "robots put on the floor");
     }
     if let Some(fault) = request.fault {
         laboratory.set_fault(fault).map_err(|error| error.to_string())?;
         tracing::info!(robot.number = fault.number, kind = ?fault.kind, "fault set");
+    }
+    if let Some(fault) = request.camera_fault {
+        tracing::info!(camera = fault.camera, fault = ?fault.fault, "camera fault");
+        cameras.set_fault(fault).map_err(|error| error.to_string())?;
     }
     Ok(())
 }

@@ -130,8 +130,29 @@ impl Laboratory {
 
     /// Puts these robots on the floor and takes all others off it; nothing changes when it is refused.
     pub fn place(&mut self, placements: &[Placement]) -> Result<(), HandError> {
-        self.check_placements(placements)?;
+        self.place_some(placements, &[])
+    }
+
+    /// As [`Self::place`], but robots in `keep` stay as they are.
+    pub fn place_some(&mut self, placements: &[Placement], keep: &[u8]) -> Result<(), HandError> {
+        let mut all = placements.to_vec();
+        for number in keep {
+            let unit = self.units.iter().find(|unit| unit.robot().number == *number);
+            let body = unit.ok_or(HandError::Unknown(*number))?.on_floor();
+            if let Some(pose) = body.map(crate::plant::body::Body::pose) {
+                all.push(Placement {
+                    number: *number,
+                    x_m: pose.x_m,
+                    y_m: pose.y_m,
+                    yaw_rad: pose.yaw_rad,
+                });
+            }
+        }
+        self.check_placements(&all)?;
         for unit in &mut self.units {
+            if keep.contains(&unit.robot().number) {
+                continue;
+            }
             match placements
                 .iter()
                 .find(|placement| placement.number == unit.robot().number)

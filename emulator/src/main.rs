@@ -2,6 +2,7 @@
 
 use anyhow::Context;
 use clap::Parser;
+use emulator::camera::{CameraSet, CameraSettings};
 use emulator::hand::Hand;
 use emulator::hidden::Hidden;
 use emulator::keys::{Keys, make_keys};
@@ -37,9 +38,18 @@ struct Settings {
     /// Address that the robots listen on.
     #[arg(long, default_value = "127.0.0.1")]
     bind: IpAddr,
-    /// Socket of the tracker stream.
+    /// Socket of the tracker stream; no tracker when left out.
     #[arg(long, env = "ROBOPHEUS_TRACKER")]
-    tracker: PathBuf,
+    tracker: Option<PathBuf>,
+    /// A camera: calibration file and socket of its frames, with a comma between; once for each camera.
+    #[arg(long, value_parser = calibration_and_socket)]
+    camera: Vec<(PathBuf, PathBuf)>,
+    /// Pictures per second of each camera.
+    #[arg(long, default_value_t = 60.0)]
+    camera_hz: f64,
+    /// What the cameras are like, `CameraSettings` as JSON; the usual ones when left out.
+    #[arg(long)]
+    camera_settings: Option<PathBuf>,
     /// Socket of the hand that puts robots on the floor.
     #[arg(long, env = "ROBOPHEUS_HAND")]
     hand: PathBuf,
@@ -59,6 +69,13 @@ fn medium(name: &str) -> Result<MediumKind, String> {
         let names: Vec<_> = MediumProfile::all().iter().map(|profile| profile.name).collect();
         format!("choose one of {}", names.join(", "))
     })
+}
+
+fn calibration_and_socket(text: &str) -> Result<(PathBuf, PathBuf), String> {
+    let (calibration, socket) = text
+        .split_once(',')
+        .ok_or("give calibration file and socket with a comma between")?;
+    Ok((calibration.into(), socket.into()))
 }
 
 fn main() -> anyhow::Result<()> {
@@ -86,20 +103,51 @@ fn main() -> anyhow::Result<()> {
         settings.medium,
         settings.seed,
     )?;
-    let mut tracker = TrackerStream::listen(&settings.tracker, settings.seed)?;
+    let mut tracker = settings
+        .tracker
+        .as_deref()
+        .map(|path| TrackerStream::listen(path, settings.seed))
+        .transpose()?;
+    let mut cameras = start_cameras(&settings)?;
     let mut hand = Hand::listen(&settings.hand)?;
     tracing::info!(
         robots = description.robots.len(),
+        cameras = settings.camera.len(),
         udp_base = settings.robot_udp_base,
         "emulated laboratory is up"
     );
-    run(&mut laboratory, &mut link, &mut tracker, &mut hand);
+    run(&mut laboratory, &mut link, tracker.as_mut(), &mut cameras, &mut hand);
     tracing::info!("emulated laboratory ends");
     Ok(())
 }
 
+fn start_cameras(settings: &Settings) -> anyhow::Result<CameraSet> {
+    let camera_settings: CameraSettings = match &settings.camera_settings {
+        None => CameraSettings {
+            seed: settings.seed,
+            ..CameraSettings::default()
+        },
+        Some(path) => {
+            let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+            serde_json::from_str(&text).with_context(|| format!("{} is not a camera's settings", path.display()))?
+        }
+    };
+    Ok(CameraSet::start(
+        &settings.camera,
+        &camera_settings,
+        settings.camera_hz,
+        clock::monotonic_us(),
+    )?)
+}
+
 /// Firmware and plant at 480 Hz against absolute deadlines, telemetry and pictures every fourth tick.
-fn run(laboratory: &mut Laboratory, link: &mut Link, tracker: &mut TrackerStream, hand: &mut Hand) {
+fn run(
+    laboratory: &mut Laboratory,
+    link: &mut Link,
+    mut tracker: Option<&mut TrackerStream>,
+    cameras: &mut CameraSet,
+    hand: &mut Hand,
+) {
     let tick_us = |tick: i64| tick * 1_000_000 / i64::from(TICK_HZ);
     let (mut start_us, mut done, mut pictures) = (clock::monotonic_us(), 0i64, 0u64);
     while !clock::end_requested() {
@@ -120,15 +168,20 @@ fn run(laboratory: &mut Laboratory, link: &mut Link, tracker: &mut TrackerStream
         for _ in 0..due {
             laboratory.tick(now_us);
             done += 1;
+            // The plant stands at its last tick, not at this moment.
+            cameras.note(start_us + tick_us(done), laboratory.units());
         }
         let picture = done as u64 / TICKS_PER_PICTURE;
         if picture > pictures {
             pictures = picture;
-            hand.poll(laboratory);
+            hand.poll(laboratory, cameras);
             link.send_telemetry(laboratory, clock::monotonic_us);
-            // The plant stands at its last tick, not at this moment.
-            tracker.expose(start_us + tick_us(done), laboratory.expose());
+            if let Some(tracker) = &mut tracker {
+                tracker.expose(start_us + tick_us(done), laboratory.expose());
+            }
         }
-        tracker.poll(clock::monotonic_us());
+        if let Some(tracker) = &mut tracker {
+            tracker.poll(clock::monotonic_us());
+        }
     }
 }

@@ -2,7 +2,7 @@
 
 mod rig;
 
-use emulator::camera::crc32::crc32;
+use crc32fast::hash as crc32;
 use emulator::camera::frame::{
     FrameDecoder, FrameError, FrameHeader, HEADER_BYTES, MAX_PAYLOAD_BYTES, decode_header, encode,
 };

@@ -2,7 +2,7 @@
 
 mod rig;
 
-use emulator::camera::crc32::crc32;
+use crc32fast::hash as crc32;
 use emulator::camera::lens::Distortion;
 use emulator::camera::misalignment::Misalignment;
 use emulator::camera::optics::Optics;

@@ -3,6 +3,7 @@
 mod bench;
 
 use bench::{Bench, every_chassis, forward, reference, wheels};
+use emulator::camera::{CameraSet, CameraSettings};
 use emulator::faults::{FaultKind, FaultRequest};
 use emulator::hidden::Hidden;
 use robot::frame::Command;
@@ -246,14 +247,20 @@ fn a_seed_repeats_exactly_and_runs_differ_from_one_another() {
 #[test]
 fn the_hand_refuses_what_cannot_stand() {
     let mut bench = Bench::new(&reference(), hidden(), 1);
-    let mut ask =
-        |line: &str| String::from_utf8(emulator::hand::answer(line.as_bytes(), &mut bench.laboratory)).unwrap();
+    let mut cameras = CameraSet::start(&[], &CameraSettings::default(), 60.0, 0).unwrap();
+    let mut ask = |line: &str| {
+        let reply = emulator::hand::answer(line.as_bytes(), &mut bench.laboratory, &mut cameras);
+        String::from_utf8(reply).unwrap()
+    };
     assert_eq!(
         ask(r#"{"place":[{"number":1,"x_m":0,"y_m":0,"yaw_rad":0}]}"#),
         r#"{"ok":true}"#
     );
     for (line, reason) in [
-        (r#"{"place":[{"number":9,"x_m":0,"y_m":0,"yaw_rad":0}]}"#, "no robot 9"),
+        (
+            r#"{"place":[{"number":99,"x_m":0,"y_m":0,"yaw_rad":0}]}"#,
+            "no robot 99",
+        ),
         (r#"{"place":[{"number":1,"x_m":1.8,"y_m":0,"yaw_rad":0}]}"#, "floor"),
         (
             r#"{"place":[{"number":1,"x_m":0,"y_m":0,"yaw_rad":0},{"number":2,"x_m":0.4,"y_m":0,"yaw_rad":0}]}"#,
@@ -264,6 +271,7 @@ fn the_hand_refuses_what_cannot_stand() {
             "twice",
         ),
         (r#"{"fault":{"number":1,"kind":"on_fire"}}"#, "not a request"),
+        (r#"{"camera_fault":{"camera":0,"kind":"frozen"}}"#, "no camera 0"),
         ("{}", "neither"),
         ("nonsense", "not a request"),
     ] {

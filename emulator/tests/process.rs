@@ -113,14 +113,17 @@ fn command(folder: &Path, udp_base: u16) -> Command {
     command
 }
 
-/// A base with seven free ports above it.
+/// Robots of the reference laboratory.
+const ROBOTS: u16 = 16;
+
+/// A base with free ports above it for all robots of the reference laboratory.
 fn free_udp_base() -> u16 {
     for _ in 0..100 {
         let base = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
-        let held: Vec<_> = (0..=6)
+        let held: Vec<_> = (0..=ROBOTS)
             .filter_map(|number| UdpSocket::bind(("127.0.0.1", base.checked_add(number)?)).ok())
             .collect();
-        if held.len() == 7 {
+        if held.len() == usize::from(ROBOTS) + 1 {
             return base;
         }
     }

@@ -29,9 +29,12 @@ pub struct Config {
     /// Host of the robots.
     #[arg(long, env = "ROBOPHEUS_ROBOT_HOST", default_value = "127.0.0.1")]
     pub robot_host: String,
-    /// Socket of the tracker.
+    /// Socket of a camera's process (`robopheus-camera serve --poses`); once for each camera, in the order of their numbers.
+    #[arg(long, env = "ROBOPHEUS_CAMERAS", value_delimiter = ',')]
+    pub camera: Vec<PathBuf>,
+    /// Socket of a tracker that tells poses itself, instead of cameras.
     #[arg(long, env = "ROBOPHEUS_TRACKER")]
-    pub tracker: PathBuf,
+    pub tracker: Option<PathBuf>,
     /// Socket of the hand that puts robots on the floor.
     #[arg(long, env = "ROBOPHEUS_HAND")]
     pub hand: PathBuf,

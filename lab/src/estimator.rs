@@ -49,6 +49,8 @@ pub struct PoseTrack {
     poses: [PoseSample; FIT_POSES],
     count: usize,
     travel_since_change_m: f64,
+    /// World velocity at the newest pose, where the localisation tells it.
+    velocity: Option<[f64; 3]>,
 }
 
 /// Angle wrapped to +-pi.
@@ -71,6 +73,7 @@ impl PoseTrack {
             poses: [nowhere; FIT_POSES],
             count: 0,
             travel_since_change_m: 0.0,
+            velocity: None,
         }
     }
 
@@ -84,8 +87,10 @@ impl PoseTrack {
         self.travel_since_change_m += travel_m.abs();
     }
 
-    /// Takes a pose from the tracker.
-    pub fn observe(&mut self, sample: PoseSample) -> Belief {
+    /// Takes a pose of the localisation.
+    ///
+    /// - `velocity`: in the world at that moment, m/s, m/s, rad/s; without it the poses' own slope is used.
+    pub fn observe(&mut self, sample: PoseSample, velocity: Option<[f64; 3]>) -> Belief {
         if !(sample.x_m.is_finite() && sample.y_m.is_finite() && sample.yaw_rad.is_finite()) {
             return Belief::Broken;
         }
@@ -112,6 +117,7 @@ impl PoseTrack {
             *first = sample;
         }
         self.count = (self.count + 1).min(FIT_POSES);
+        self.velocity = velocity.filter(|velocity| velocity.iter().all(|part| part.is_finite()));
         Belief::Accepted
     }
 
@@ -123,9 +129,14 @@ impl PoseTrack {
             || turned_rad > self.limits.yaw_rate_rad_per_s * elapsed_s + JUMP_MARGIN_RAD
     }
 
-    /// Body twist by a straight-line fit over the newest poses: forward m/s, left m/s, yaw rate rad/s.
+    /// Body twist at the newest pose, forward m/s, left m/s, yaw rate rad/s: the localisation's velocity, or a
+    /// straight-line fit over the newest poses.
     pub fn twist(&self) -> [f64; 3] {
         let Some(newest) = self.newest() else { return [0.0; 3] };
+        if let Some([x, y, yaw]) = self.velocity {
+            let (sin, cos) = newest.yaw_rad.sin_cos();
+            return [cos * x + sin * y, cos * y - sin * x, yaw];
+        }
         let recent = self
             .poses
             .iter()
@@ -187,7 +198,7 @@ mod tests {
             let t = k as f64 * 8333e-6;
             // Moves along world y at 0.5 m/s with the nose almost at pi, turning through the wrap.
             let pose = at(k, 0.0, 0.5 * t, wrap_rad(3.1 + 1.0 * t));
-            assert_eq!(track.observe(pose), Belief::Accepted);
+            assert_eq!(track.observe(pose, None), Belief::Accepted);
         }
         let newest = track.newest().expect("a pose");
         let [forward, left, rate] = track.twist();
@@ -202,25 +213,25 @@ mod tests {
     #[test]
     fn rejects_jumps_until_the_robot_could_have_got_there() {
         let mut track = PoseTrack::new(LIMITS);
-        track.observe(at(0, 0.0, 0.0, 0.0));
-        assert_eq!(track.observe(at(1, 0.5, 0.0, 0.0)), Belief::Jump);
-        assert_eq!(track.observe(at(1, 0.0, 0.0, 1.0)), Belief::Jump);
-        assert_eq!(track.observe(at(60, 0.5, 0.0, 0.0)), Belief::Accepted);
-        assert_eq!(track.observe(at(60, 0.5, 0.0, 0.0)), Belief::Old);
-        assert_eq!(track.observe(at(61, f64::NAN, 0.0, 0.0)), Belief::Broken);
+        track.observe(at(0, 0.0, 0.0, 0.0), None);
+        assert_eq!(track.observe(at(1, 0.5, 0.0, 0.0), None), Belief::Jump);
+        assert_eq!(track.observe(at(1, 0.0, 0.0, 1.0), None), Belief::Jump);
+        assert_eq!(track.observe(at(60, 0.5, 0.0, 0.0), None), Belief::Accepted);
+        assert_eq!(track.observe(at(60, 0.5, 0.0, 0.0), None), Belief::Old);
+        assert_eq!(track.observe(at(61, f64::NAN, 0.0, 0.0), None), Belief::Broken);
     }
 
     #[test]
     fn notices_a_frozen_picture_only_while_the_wheels_turn() {
         let mut track = PoseTrack::new(LIMITS);
         for k in 0..50 {
-            assert_eq!(track.observe(at(k, 1.0, 1.0, 0.0)), Belief::Accepted);
+            assert_eq!(track.observe(at(k, 1.0, 1.0, 0.0), None), Belief::Accepted);
         }
         track.wheels_travelled(0.015);
-        assert_eq!(track.observe(at(50, 1.0, 1.0, 0.0)), Belief::Accepted);
+        assert_eq!(track.observe(at(50, 1.0, 1.0, 0.0), None), Belief::Accepted);
         track.wheels_travelled(0.015);
-        assert_eq!(track.observe(at(51, 1.0, 1.0, 0.0)), Belief::Frozen);
-        assert_eq!(track.observe(at(52, 1.001, 1.0, 0.0)), Belief::Accepted);
+        assert_eq!(track.observe(at(51, 1.0, 1.0, 0.0), None), Belief::Frozen);
+        assert_eq!(track.observe(at(52, 1.001, 1.0, 0.0), None), Belief::Accepted);
         assert_eq!(track.newest().map(|pose| pose.exposure_us), Some(52 * 8333));
     }
 }

@@ -24,6 +24,7 @@ pub struct Placement {
 #[derive(Debug, Serialize)]
 struct Request<'a> {
     place: &'a [Placement],
+    keep: &'a [u8],
 }
 
 #[derive(Debug, Deserialize)]
@@ -34,8 +35,10 @@ struct Reply {
 }
 
 /// Puts these robots on the floor and takes all others off it.
-pub async fn place(socket: &Path, robots: &[Placement]) -> io::Result<()> {
-    match tokio::time::timeout(TIME_LIMIT, ask(socket, robots)).await {
+///
+/// - `keep`: robots on the floor that stay where they are.
+pub async fn place(socket: &Path, robots: &[Placement], keep: &[u8]) -> io::Result<()> {
+    match tokio::time::timeout(TIME_LIMIT, ask(socket, robots, keep)).await {
         Ok(result) => result,
         Err(_) => Err(io::Error::new(
             io::ErrorKind::TimedOut,
@@ -44,9 +47,9 @@ pub async fn place(socket: &Path, robots: &[Placement]) -> io::Result<()> {
     }
 }
 
-async fn ask(socket: &Path, robots: &[Placement]) -> io::Result<()> {
+async fn ask(socket: &Path, robots: &[Placement], keep: &[u8]) -> io::Result<()> {
     let mut stream = UnixStream::connect(socket).await?;
-    let mut line = serde_json::to_vec(&Request { place: robots })?;
+    let mut line = serde_json::to_vec(&Request { place: robots, keep })?;
     line.push(b'\n');
     stream.write_all(&line).await?;
     let mut reply = String::new();

@@ -1,8 +1,9 @@
 //! Robots that no run holds: told to rest ten times a second so that their health is known, and told to stop within
 //! milliseconds of the protective stop.
 
+use crate::commander::Still;
 use crate::epochs::EpochBook;
-use crate::link::{Link, Still};
+use crate::link::Link;
 use crate::stop_latch::StopLatch;
 use std::io;
 use std::sync::mpsc::sync_channel;

@@ -3,8 +3,8 @@
 //!
 //! Layout: 8 bytes [`MAGIC`], then chunks of `length u32 le`, `crc32 u32 le`, `length` bytes of JSON lines.
 
-use crate::crc32::crc32;
 use crate::record::Record;
+use crc32fast::hash as crc32;
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufReader, Read, Write};
 use std::path::Path;

@@ -3,10 +3,10 @@
 use crate::config::Config;
 use crate::epochs::EpochBook;
 use crate::link::Link;
+use crate::localisation::{Localisation, Source};
 use crate::service::Service;
 use crate::stop_latch::StopLatch;
 use crate::stop_port::{StateSource, StopState};
-use crate::tracker::Tracker;
 use anyhow::{Context, Result, bail};
 use api::lab::{LabDescription, LabStatus, RobotStatus};
 use api::live::LiveFrame;
@@ -32,7 +32,7 @@ pub struct Lab {
     pub instance: Uuid,
     pub latch: Arc<StopLatch>,
     pub link: Arc<Link>,
-    pub tracker: Arc<Tracker>,
+    pub localisation: Arc<Localisation>,
     pub hand: PathBuf,
     /// `<data>/lab`: runs, epochs, stop mark.
     pub folder: PathBuf,
@@ -110,12 +110,18 @@ impl Lab {
             .context("the robot host has no address")?;
         let link = Link::start(&description.robots, &read_keys(&config.keys)?, base, &mut book)
             .context("start the robot link")?;
+        let source = match (&config.tracker, config.camera.is_empty()) {
+            (None, false) => Source::Cameras(config.camera.clone()),
+            (Some(tracker), true) => Source::Tracker(tracker.clone()),
+            (None, true) => bail!("no localisation: give --camera SOCKET for each camera, or --tracker SOCKET"),
+            (Some(_), false) => bail!("two localisations: give --camera or --tracker, not both"),
+        };
         Ok(Arc::new(Self {
             service: Service::new(&config.server, &token)?,
             instance: Uuid::now_v7(),
             latch: Arc::new(StopLatch::open(&folder)),
             link,
-            tracker: Tracker::start(config.tracker.clone()).context("start the tracker")?,
+            localisation: Localisation::start(source).context("start the localisation")?,
             hand: config.hand.clone(),
             book: Arc::new(Mutex::new(book)),
             watchers: broadcast::Sender::new(LIVE_FRAMES),

@@ -1,17 +1,20 @@
 //! The laboratory's control server: link -> estimator -> controller -> filter -> link at a fixed 120 Hz.
 //!
-//! Start reading at [`safety`] (may there be motion at all?), then [`loop_120hz`] (one tick), [`run`] (one run) and
+//! Start reading at [`safety`] (may there be motion at all?), then [`pilot`] (one tick), [`loop_120hz`] (120 of them a second), [`run`] (one run) and
 //! [`claim`] (the life of the process). [`journal`] and [`archive`] are the record.
 
+pub mod approach;
 pub mod archive;
 mod backoff;
+pub mod camera;
 pub mod claim;
 pub mod clock;
 pub mod clock_map;
+pub mod commander;
 pub mod config;
-mod crc32;
 mod deliver;
 mod durable;
+pub mod ear;
 pub mod epochs;
 pub mod estimator;
 mod feed;
@@ -22,11 +25,16 @@ pub mod lab;
 mod lease;
 pub mod link;
 pub mod live;
+mod live_stages;
+pub mod localisation;
 pub mod loop_120hz;
+pub mod pilot;
+pub mod pose_frame;
 mod prepare;
 pub mod realtime;
 pub mod record;
 pub mod recorder;
+pub mod robot_limits;
 pub mod run;
 pub mod safety;
 pub mod salvage;
@@ -36,4 +44,3 @@ mod sleep_probe;
 pub mod stop_latch;
 pub mod stop_port;
 pub mod stream;
-pub mod tracker;

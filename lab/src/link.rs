@@ -1,13 +1,13 @@
 //! The robot link: command frames out, telemetry in. Only a [`SafeCommand`] can make a robot move.
 
 use crate::clock::monotonic_us;
-use crate::clock_map::{ClockMap, link_clock_ms};
+use crate::commander::{Commander, Order, Sent, Still};
+use crate::ear::Ear;
 use crate::epochs::{EpochBook, RESERVED_FRAMES};
 use crate::feed::Feed;
-use crate::record::{LINK_WHEELS, Telemetry};
+use crate::record::Telemetry;
 use api::robot::LabRobot;
 use control::safety::SafeCommand;
-use robot::frame::{self, COMMAND_MAX_CHARACTERS, Header, Payload, Status};
 use robot::key::Key;
 use std::collections::BTreeMap;
 use std::io;
@@ -19,8 +19,6 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A robot that was silent for longer is offline.
 pub const ONLINE_US: i64 = 500_000;
-/// Telemetry that repeats or goes back by up to this many frames is a copy or was overtaken; more is a restart.
-const REORDER_FRAMES: i32 = 1000;
 /// Where the robot number stands in a frame: after `:`, version and type.
 const NUMBER_DIGITS: std::ops::Range<usize> = 5..7;
 
@@ -37,8 +35,6 @@ pub struct RobotLink {
     pub number: u8,
     pub name: String,
     key: Key,
-    /// Positions in `wheels` of the driven wheels: the order of the link.
-    driven: Vec<usize>,
     /// Robot's clock in its newest frame, to be echoed.
     heard_clock_ms: AtomicU32,
     newest: Mutex<Option<Telemetry>>,
@@ -52,31 +48,8 @@ pub struct RobotPort {
     robot: Arc<RobotLink>,
     socket: Arc<UdpSocket>,
     address: SocketAddr,
-    epoch: u32,
-    next_sequence: u32,
+    commander: Commander,
     last_sequence: u32,
-}
-
-/// A frame without motion.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Still {
-    /// Ramp to zero and stay awake.
-    Rest,
-    /// As `Rest`, and clear a latch.
-    Release,
-    /// Ramp to zero and latch: the protective stop.
-    Latch,
-}
-
-/// What went out.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Sent {
-    pub at_us: i64,
-    pub sequence: u32,
-    pub enable: bool,
-    /// In the resolution of the link.
-    pub wheel_rad_per_s: [f64; LINK_WHEELS],
-    pub steering_rad: f64,
 }
 
 impl Link {
@@ -107,7 +80,6 @@ impl Link {
                 number,
                 name: lab_robot.description.name.clone(),
                 key: *keys.get(&number).ok_or_else(missing)?,
-                driven: crate::archive::parquet::driven_wheels(&lab_robot.description),
                 heard_clock_ms: AtomicU32::new(0),
                 newest: Mutex::default(),
                 port: Mutex::default(),
@@ -117,8 +89,13 @@ impl Link {
                 robot: link.clone(),
                 socket: socket.clone(),
                 address: SocketAddr::new(base.ip(), port),
-                epoch: place.epoch,
-                next_sequence: place.sequence,
+                commander: Commander::new(
+                    number,
+                    link.key,
+                    crate::archive::parquet::driven_wheels(&lab_robot.description),
+                    place.epoch,
+                    place.sequence,
+                ),
                 last_sequence: place.sequence.saturating_add(RESERVED_FRAMES - 1),
             });
             links.insert(number, link);
@@ -151,7 +128,7 @@ impl Link {
 
     fn receive(&self, socket: &UdpSocket) {
         let mut buffer = [0; 512];
-        let mut clocks: BTreeMap<u8, (ClockMap, Option<u32>)> = BTreeMap::new();
+        let mut ears: BTreeMap<u8, Ear> = BTreeMap::new();
         loop {
             let length = match socket.recv_from(&mut buffer) {
                 Ok((length, _)) => length,
@@ -166,64 +143,22 @@ impl Link {
             let Some(robot) = addressed(bytes).and_then(|number| self.robots.get(&number)) else {
                 continue;
             };
-            let (header, telemetry) = match frame::decode(bytes, &robot.key) {
-                Ok(frame::Frame {
-                    header,
-                    payload: Payload::Telemetry(telemetry),
-                }) => (header, telemetry),
-                Ok(_) => continue,
-                Err(error) => {
-                    tracing::debug!(robot.id = %robot.name, %error, "frame refused");
+            let sample = match ears
+                .entry(robot.number)
+                .or_default()
+                .hear(bytes, &robot.key, arrival_us)
+            {
+                Ok(sample) => sample,
+                Err(refusal) => {
+                    tracing::debug!(robot.id = %robot.name, %refusal, "frame refused");
                     continue;
                 }
             };
-            let (clock, last) = clocks.entry(robot.number).or_default();
-            let step = last.map_or(1, |last| header.sequence.wrapping_sub(last).cast_signed());
-            if step <= 0 && step > -REORDER_FRAMES {
-                continue;
-            }
-            *last = Some(header.sequence);
-            robot.heard_clock_ms.store(header.clock_ms, Ordering::Relaxed);
-            let mapped = clock.observe(header.clock_ms, header.echo_ms, arrival_us);
-            let sample = Telemetry {
-                robot: robot.number,
-                arrival_us,
-                sample_us: mapped.at_us,
-                sample_bound_us: mapped.bound_us,
-                robot_clock_ms: header.clock_ms,
-                status: status_bits(telemetry.status),
-                applied_sequence: telemetry.applied_sequence,
-                wheel_rad_per_s: telemetry.wheel_rad_per_s,
-                wheel_rad: telemetry.wheel_rad,
-                current_a: telemetry.current_a,
-                bus_v: telemetry.bus_v,
-                gyro_z_rad_per_s: telemetry.gyro_z_rad_per_s,
-                accel_m_per_s2: telemetry.accel_m_per_s2,
-                steering_rad: telemetry.steering_rad,
-            };
+            robot.heard_clock_ms.store(sample.robot_clock_ms, Ordering::Relaxed);
             *lock(&robot.newest) = Some(sample);
             self.feed.send(sample);
         }
     }
-}
-
-/// Bit of the status byte: latched off.
-pub const STATUS_LATCHED: u8 = 1 << 2;
-/// Bit of the status byte: the robot knows the laboratory's clock and accepts commands.
-pub const STATUS_CLOCK_KNOWN: u8 = 1 << 3;
-
-fn status_bits(status: Status) -> u8 {
-    let bits = [
-        status.running,
-        status.ramping,
-        status.latched,
-        status.clock_known,
-        status.stopped,
-        status.saturated,
-    ];
-    bits.iter()
-        .enumerate()
-        .fold(0, |byte, (place, set)| byte | u8::from(*set) << place)
 }
 
 /// Robot number of a frame that is not checked yet.
@@ -260,10 +195,10 @@ impl RobotLink {
     pub fn send_idle(&self, still: Still, book: &Mutex<EpochBook>) -> bool {
         let mut port = lock(&self.port);
         let Some(port) = port.as_mut() else { return false };
-        if port.next_sequence >= port.last_sequence {
+        if port.commander.next_sequence() >= port.last_sequence {
             match lock(book).reserve(self.number) {
-                Ok(place) if place.epoch == port.epoch => {
-                    port.next_sequence = place.sequence;
+                Ok(place) if place.epoch == port.commander.epoch() => {
+                    port.commander.begin_epoch(place.epoch, place.sequence);
                     port.last_sequence = place.sequence.saturating_add(RESERVED_FRAMES - 1);
                 }
                 Ok(_) => {}
@@ -302,6 +237,7 @@ impl Drop for HeldPort {
         port.robot.put_port(RobotPort {
             robot: port.robot.clone(),
             socket: port.socket.clone(),
+            commander: port.commander.clone(),
             ..*port
         });
     }
@@ -315,71 +251,25 @@ impl RobotPort {
 
     /// From now on frames carry this epoch, which [`EpochBook::begin`] opened for this robot.
     pub fn begin_epoch(&mut self, epoch: u32) {
-        self.epoch = epoch;
-        self.next_sequence = 1;
+        self.commander.begin_epoch(epoch, 1);
         self.last_sequence = RESERVED_FRAMES;
     }
 
     /// Sends a command of the safety filter.
     pub fn drive(&mut self, command: &SafeCommand, tick: u32) -> Sent {
-        let wheels = command.wheel_command();
-        let mut wheel_rad_per_s = [0.0; LINK_WHEELS];
-        for (place, wheel) in wheel_rad_per_s.iter_mut().zip(&self.robot.driven) {
-            *place = wheels.wheel_rad_per_s.get(*wheel).copied().unwrap_or(0.0);
-        }
-        self.send(
-            frame::Command {
-                enable: true,
-                stop: false,
-                clear: false,
-                wheel_rad_per_s,
-                steering_rad: wheels.steering_rad,
-            },
-            tick,
-        )
+        self.send(Order::Drive(command), tick)
     }
 
     /// Sends a frame without motion.
     pub fn still(&mut self, still: Still, tick: u32) -> Sent {
-        let command = frame::Command {
-            stop: still == Still::Latch,
-            clear: still == Still::Release,
-            ..frame::Command::default()
-        };
-        self.send(command, tick)
+        self.send(Order::Still(still), tick)
     }
 
-    fn send(&mut self, command: frame::Command, tick: u32) -> Sent {
-        let sequence = self.next_sequence;
-        self.next_sequence = sequence.saturating_add(1);
-        let at_us = monotonic_us();
-        let header = Header {
-            robot: self.robot.number,
-            epoch: self.epoch,
-            sequence,
-            tick,
-            clock_ms: link_clock_ms(at_us),
-            echo_ms: self.robot.heard_clock_ms.load(Ordering::Relaxed),
-        };
-        let mut buffer = [0; COMMAND_MAX_CHARACTERS];
-        let length = frame::encode_command(&header, &command, &self.robot.key, &mut buffer);
+    fn send(&mut self, order: Order<'_>, tick: u32) -> Sent {
+        let heard_ms = self.robot.heard_clock_ms.load(Ordering::Relaxed);
+        let (frame, sent) = self.commander.frame(order, tick, monotonic_us(), heard_ms);
         // A frame that cannot be sent is a lost frame: the robot's watchdog and the silence limits deal with those.
-        let _lost = self
-            .socket
-            .send_to(buffer.get(..length).unwrap_or_default(), self.address);
-        let sent = match frame::decode(buffer.get(..length).unwrap_or_default(), &self.robot.key) {
-            Ok(frame::Frame {
-                payload: Payload::Command(sent),
-                ..
-            }) => sent,
-            _ => command,
-        };
-        Sent {
-            at_us,
-            sequence,
-            enable: command.enable,
-            wheel_rad_per_s: sent.wheel_rad_per_s,
-            steering_rad: sent.steering_rad,
-        }
+        let _lost = self.socket.send_to(frame.as_bytes(), self.address);
+        sent
     }
 }

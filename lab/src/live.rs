@@ -1,5 +1,6 @@
 //! The live picture: folds records into a frame for watchers about twenty times a second.
 
+use crate::live_stages::StageMeans;
 use crate::record::{Record, SafetyKind};
 use api::CONTROL_HZ;
 use api::live::{LiveFrame, LiveRobot};
@@ -19,6 +20,7 @@ pub struct LivePicture {
     /// Interventions since the last frame.
     safety: BTreeMap<u8, SafetyKind>,
     next_frame_tick: i64,
+    stages: StageMeans,
 }
 
 impl LivePicture {
@@ -46,7 +48,8 @@ impl LivePicture {
                 .map(|(place, (number, _))| (*number, place))
                 .collect(),
             safety: BTreeMap::new(),
-            next_frame_tick: 0,
+            next_frame_tick: i64::MIN,
+            stages: StageMeans::default(),
         }
     }
 
@@ -56,6 +59,7 @@ impl LivePicture {
 
     /// Takes a record; a frame comes out when one is due.
     pub fn take(&mut self, record: &Record) -> Option<LiveFrame> {
+        self.stages.take(record);
         match record {
             Record::Pose(pose) if pose.accepted => {
                 if let Some(robot) = self.robot(pose.robot) {
@@ -104,6 +108,7 @@ impl LivePicture {
             time_s: tick as f64 / f64::from(CONTROL_HZ),
             robots: self.robots.clone(),
             ticks_missed,
+            stages: self.stages.finish(),
         }
     }
 }

@@ -1,13 +1,17 @@
 //! Before a run: robots stand at their starts, answer, and are seen.
 
+use crate::approach::{self, Approach};
+use crate::commander::Still;
+use crate::ear::{STATUS_CLOCK_KNOWN, STATUS_LATCHED};
 use crate::estimator::wrap_rad;
 use crate::hand::{self, Placement};
 use crate::lab::Lab;
 use crate::lease::Lease;
-use crate::link::{HeldPort, STATUS_CLOCK_KNOWN, STATUS_LATCHED, Still};
+use crate::link::HeldPort;
+use crate::pose_frame::SeenPose;
 use crate::record::LogLevel;
 use crate::recorder::RecorderHandle;
-use crate::run::{Conclusion, outside_ending};
+use crate::run::{self, Conclusion, outside_ending};
 use api::experiment::Pose;
 use api::lab::Assignment;
 use api::run::Whose;
@@ -73,28 +77,116 @@ impl Keeper {
     }
 }
 
-/// Places robots and waits until they are ready.
+/// Brings the robots to their starts and waits until they are ready: those on the floor drive, the others are carried.
+///
+/// - `ports`: of the run's robots, in the order of the experiment; they come back.
 pub async fn prepare(
+    lab: &Arc<Lab>,
+    assignment: &Assignment,
+    lease: &Arc<Lease>,
+    recorder: &RecorderHandle,
+    ports: Vec<HeldPort>,
+) -> Result<Vec<HeldPort>, Conclusion> {
+    let mut keeper = run::keep(lab, ports)?;
+    if gather(lab, assignment, lease, recorder).await? {
+        wait_ready(lab, assignment, lease, Place::Anywhere).await?;
+        if !all_at_starts(lab, assignment) {
+            let (ports, stuck) = match approach::drive(lab, assignment, lease, recorder, keeper.stop()).await? {
+                Approach::Arrived(ports) => (ports, None),
+                Approach::Stuck(ports, why) => (ports, Some(why)),
+            };
+            keeper = run::keep(lab, ports)?;
+            let left = stuck.or_else(|| (!all_at_starts(lab, assignment)).then(|| "they stopped elsewhere".to_owned()));
+            if let Some(why) = left {
+                recorder.log(LogLevel::Warning, format!("robots are carried to their starts: {why}"));
+                place(lab, assignment, lease, recorder).await?;
+            }
+        }
+    }
+    wait_ready(lab, assignment, lease, Place::Start).await?;
+    recorder.log(LogLevel::Info, "robots are at their starts, seen and connected");
+    Ok(keeper.stop())
+}
+
+/// Where robots must be.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Place {
+    Anywhere,
+    Start,
+}
+
+/// Puts the robots of the run that are not on the floor at their starts and takes all strangers off it.
+///
+/// - `true` when some were on the floor already and may have to drive.
+async fn gather(
     lab: &Lab,
     assignment: &Assignment,
     lease: &Lease,
     recorder: &RecorderHandle,
-) -> Result<(), Conclusion> {
+) -> Result<bool, Conclusion> {
+    let numbers = assignment.robots.iter().map(|robot| robot.number);
+    let standing: Vec<u8> = numbers.filter(|number| is_seen(lab, *number)).collect();
+    if !standing.is_empty() {
+        let missing = placements(assignment, &standing);
+        match hand::place(&lab.hand, &missing, &standing).await {
+            Ok(()) => return Ok(true),
+            // A start may be taken by a robot that is to go elsewhere: then that one is carried as well.
+            Err(error) => recorder.log(
+                LogLevel::Info,
+                format!("all robots are carried to their starts: {error}"),
+            ),
+        }
+    }
+    place(lab, assignment, lease, recorder).await?;
+    Ok(false)
+}
+
+fn is_seen(lab: &Lab, number: u8) -> bool {
+    lab.localisation
+        .pose(number)
+        .is_some_and(|(_, age_us)| age_us < FRESH_US)
+}
+
+/// Starts of the robots that are not in `standing`.
+fn placements(assignment: &Assignment, standing: &[u8]) -> Vec<Placement> {
+    let starts = assignment.experiment.robots.iter().zip(&assignment.robots);
+    starts
+        .filter(|(_, robot)| !standing.contains(&robot.number))
+        .map(|(wanted, robot)| Placement {
+            number: robot.number,
+            x_m: wanted.start.x_m,
+            y_m: wanted.start.y_m,
+            yaw_rad: wanted.start.yaw_rad,
+        })
+        .collect()
+}
+
+fn all_at_starts(lab: &Lab, assignment: &Assignment) -> bool {
+    let starts = assignment.experiment.robots.iter().zip(&assignment.robots);
+    let mut starts = starts.map(|(wanted, robot)| (robot.number, &wanted.start));
+    starts.all(|(number, start)| {
+        let seen = lab.localisation.pose(number);
+        seen.is_some_and(|(pose, _)| is_at(&pose, start))
+    })
+}
+
+async fn wait_ready(lab: &Lab, assignment: &Assignment, lease: &Lease, place: Place) -> Result<(), Conclusion> {
     let deadline = Instant::now() + TIME_LIMIT;
-    place(lab, assignment, lease, recorder, deadline).await?;
     let mut settled_since: Option<Instant> = None;
     loop {
         if let Some(conclusion) = outside_ending(lab, lease) {
             return Err(conclusion);
         }
         let missing = assignment.experiment.robots.iter().zip(&assignment.robots);
-        let mut missing = missing.filter_map(|(wanted, robot)| unready(lab, robot.number, &wanted.name, &wanted.start));
+        let mut missing = missing.filter_map(|(wanted, robot)| {
+            let start = (place == Place::Start).then_some(&wanted.start);
+            unready(lab, robot.number, &wanted.name, start)
+        });
         let missing = missing.next().or_else(|| (!lease.is_confirmed()).then(unconfirmed));
         match missing {
             None => {
                 let since = *settled_since.get_or_insert_with(Instant::now);
                 if since.elapsed() >= SETTLED {
-                    recorder.log(LogLevel::Info, "robots are at their starts, seen and connected");
                     return Ok(());
                 }
             }
@@ -105,24 +197,12 @@ pub async fn prepare(
     }
 }
 
-async fn place(
-    lab: &Lab,
-    assignment: &Assignment,
-    lease: &Lease,
-    recorder: &RecorderHandle,
-    deadline: Instant,
-) -> Result<(), Conclusion> {
-    let starts = assignment.experiment.robots.iter().zip(&assignment.robots);
-    let placements: Vec<_> = starts
-        .map(|(wanted, robot)| Placement {
-            number: robot.number,
-            x_m: wanted.start.x_m,
-            y_m: wanted.start.y_m,
-            yaw_rad: wanted.start.yaw_rad,
-        })
-        .collect();
+/// Has the hand put all robots of the run at their starts.
+async fn place(lab: &Lab, assignment: &Assignment, lease: &Lease, recorder: &RecorderHandle) -> Result<(), Conclusion> {
+    let deadline = Instant::now() + TIME_LIMIT;
+    let placements = placements(assignment, &[]);
     loop {
-        let error = match hand::place(&lab.hand, &placements).await {
+        let error = match hand::place(&lab.hand, &placements, &[]).await {
             Ok(()) => return Ok(()),
             Err(error) => error,
         };
@@ -138,8 +218,17 @@ async fn place(
     }
 }
 
+fn is_at(pose: &SeenPose, start: &Pose) -> bool {
+    let distance_m = f64::hypot(pose.x_m - start.x_m, pose.y_m - start.y_m);
+    let angle_rad = wrap_rad(pose.yaw_rad - start.yaw_rad).abs();
+    // Written so that a pose that is not a number is off, too.
+    distance_m <= START_TOLERANCE_M && angle_rad <= START_TOLERANCE_RAD
+}
+
 /// What a robot still lacks, as the end of the run if it stays so.
-fn unready(lab: &Lab, number: u8, name: &str, start: &Pose) -> Option<Conclusion> {
+///
+/// - `start`: where it must stand; anywhere when none.
+fn unready(lab: &Lab, number: u8, name: &str, start: Option<&Pose>) -> Option<Conclusion> {
     let telemetry = lab.link.robot(number).and_then(|robot| robot.newest());
     let now_us = crate::clock::monotonic_us();
     let Some(telemetry) = telemetry.filter(|telemetry| now_us - telemetry.arrival_us < FRESH_US) else {
@@ -150,25 +239,22 @@ fn unready(lab: &Lab, number: u8, name: &str, start: &Pose) -> Option<Conclusion
         let message = format!("Robot {name} answers but does not accept commands.");
         return Some(Conclusion::failed(Whose::Robot, "robot_not_ready", message));
     }
-    if lab.tracker.age_us().is_none_or(|age_us| age_us > FRESH_US) {
+    if lab.localisation.age_us().is_none_or(|age_us| age_us > FRESH_US) {
         return Some(Conclusion::failed(
             Whose::Platform,
-            "tracker_silent",
-            "The tracker sends nothing.".to_owned(),
+            "localisation_silent",
+            "The cameras tell nothing.".to_owned(),
         ));
     }
-    let Some((pose, _)) = lab.tracker.pose(number).filter(|(_, age_us)| *age_us < FRESH_US) else {
-        let message = format!("The tracker does not see robot {name}.");
+    let Some((pose, _)) = lab.localisation.pose(number).filter(|(_, age_us)| *age_us < FRESH_US) else {
+        let message = format!("No camera sees robot {name}.");
         return Some(Conclusion::failed(Whose::Platform, "robot_not_seen", message));
     };
+    let start = start.filter(|start| !is_at(&pose, start))?;
     let distance_m = f64::hypot(pose.x_m - start.x_m, pose.y_m - start.y_m);
     let angle_rad = wrap_rad(pose.yaw_rad - start.yaw_rad).abs();
-    // Written so that a pose that is not a number is off, too.
-    let is_there = distance_m <= START_TOLERANCE_M && angle_rad <= START_TOLERANCE_RAD;
-    (!is_there).then(|| {
-        let message = format!("Robot {name} stands {distance_m:.3} m and {angle_rad:.3} rad from its start.");
-        Conclusion::failed(Whose::Platform, "start_not_reached", message)
-    })
+    let message = format!("Robot {name} stands {distance_m:.3} m and {angle_rad:.3} rad from its start.");
+    Some(Conclusion::failed(Whose::Platform, "start_not_reached", message))
 }
 
 fn unconfirmed() -> Conclusion {

@@ -16,6 +16,7 @@ pub enum Record {
     Start(Box<Start>),
     Motion(Motion),
     Tick(Tick),
+    Picture(Picture),
     Command(Command),
     Pose(Pose),
     Telemetry(Telemetry),
@@ -51,6 +52,28 @@ pub struct Tick {
     /// When the last frame of the tick was handed to the kernel.
     pub done_us: i64,
     pub missed: i64,
+    /// Mid-exposure of the newest picture that the tick knew.
+    #[serde(default)]
+    pub exposure_us: i64,
+}
+
+/// One picture that the localisation understood, and when each of its stages was over.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Picture {
+    #[serde(with = "camera_name")]
+    pub camera: CameraName,
+    /// Number of the picture at its camera.
+    pub frame: u64,
+    /// Mid-exposure.
+    pub exposure_us: i64,
+    /// The whole picture had arrived at the localiser.
+    pub received_us: i64,
+    /// The tags were found.
+    pub located_us: i64,
+    /// The poses were fused and on their way to the loop.
+    pub arrival_us: i64,
+    /// Robots seen in it.
+    pub robots: u32,
 }
 
 /// What was sent to one robot.

@@ -2,22 +2,24 @@
 
 use crate::clock::monotonic_us;
 use crate::deliver;
-use crate::estimator::{MotionLimits, PoseSample, PoseTrack};
+use crate::estimator::{PoseSample, PoseTrack};
 use crate::lab::{Activity, Lab};
 use crate::lease::{Heart, Lease};
 use crate::link::HeldPort;
 use crate::live::LivePicture;
-use crate::loop_120hz::{self, LoopResult, LoopRobot, Setup};
+use crate::loop_120hz::{self, LoopEnd, LoopResult, Setup};
+use crate::pilot::PilotRobot;
 use crate::prepare::{self, Keeper};
 use crate::record::{End, LogLevel, Record, Start};
 use crate::recorder::{Recorder, RecorderHandle};
+use crate::robot_limits::RobotLimits;
 use crate::safety::{Ending, Signals};
 use crate::schedule::TICK_HZ;
 use crate::sleep_probe::SleepProbe;
 use api::lab::{Assignment, Heartbeat, StateReport};
 use api::run::{Fault, RunState, Whose};
 use chrono::Utc;
-use control::scenario::Scenario;
+use control::scenario::{FieldProblem, Scenario};
 use control::team::Team;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, PoisonError};
@@ -146,22 +148,14 @@ async fn try_attempt(
     lease: &Arc<Lease>,
     recorder: &RecorderHandle,
 ) -> Result<Conclusion, Conclusion> {
-    let (team, limits) = team(assignment)?;
+    let scenario = scenario(assignment)?;
+    let team = Team::new(&scenario).map_err(refused)?;
     let ports = take_ports(lab, assignment)?;
-    let keeper = Keeper::start(lab.clone(), ports).map_err(|error| {
-        Conclusion::failed(
-            Whose::Platform,
-            "thread_refused",
-            format!("A thread cannot be started: {error}."),
-        )
-    })?;
-    let prepared = prepare::prepare(lab, assignment, lease, recorder).await;
-    let running = match prepared {
-        Ok(()) => report_running(lab, assignment, lease).await,
-        Err(conclusion) => Err(conclusion),
-    };
+    let ports = prepare::prepare(lab, assignment, lease, recorder, ports).await?;
+    let keeper = keep(lab, ports)?;
+    let running = report_running(lab, assignment, lease).await;
     // The keeper holds the robots still up to here; the loop takes over within milliseconds.
-    let poses = lab.tracker.listen();
+    let poses = lab.localisation.listen();
     let telemetry = lab.link.listen();
     let ports = keeper.stop();
     running?;
@@ -171,12 +165,14 @@ async fn try_attempt(
     }));
     let setup = Setup {
         team,
-        robots: loop_robots(lab, ports, &limits)?,
+        robots: pilot_robots(lab, &ports, &limits(assignment)?)?,
+        ports,
         poses,
         telemetry,
         recorder: recorder.clone(),
         signals: signals(lab, lease, recorder),
         duration_ticks: (assignment.experiment.duration_s * TICK_HZ as f64).round() as i64,
+        first_tick: 0,
     };
     recorder.log(
         LogLevel::Info,
@@ -192,7 +188,7 @@ async fn try_attempt(
         .iter()
         .map(|robot| robot.name.clone())
         .collect();
-    let result = run_loop(setup).await?;
+    let LoopEnd { result, .. } = run_loop(setup).await?;
     drop(probe);
     let LoopResult { ending, ticks, missed } = result;
     recorder.log(
@@ -202,65 +198,43 @@ async fn try_attempt(
     Ok(Conclusion::of(ending, &names))
 }
 
-/// Control and motion limits of each robot.
-fn team(assignment: &Assignment) -> Result<(Team, Vec<RobotLimits>), Conclusion> {
-    let refused = |message: String| Conclusion::failed(Whose::Platform, "experiment_refused", message);
-    let scenario = serde_json::json!({
+fn refused(problems: Vec<FieldProblem>) -> Conclusion {
+    let first = problems.into_iter().next();
+    let problem = first.map(|problem| format!("{}: {}", problem.field, problem.message));
+    Conclusion::failed(
+        Whose::Platform,
+        "experiment_refused",
+        format!(
+            "The laboratory cannot run this experiment: {}.",
+            problem.unwrap_or_default()
+        ),
+    )
+}
+
+fn scenario(assignment: &Assignment) -> Result<Scenario, Conclusion> {
+    let document = serde_json::json!({
         "experiment": assignment.experiment,
         "robots": assignment.robots,
         "arena": assignment.arena,
     });
-    let first = |problems: Vec<control::scenario::FieldProblem>| {
-        let problem = problems
-            .into_iter()
-            .next()
-            .map(|problem| format!("{}: {}", problem.field, problem.message));
-        refused(format!(
-            "The laboratory cannot run this experiment: {}.",
-            problem.unwrap_or_default()
-        ))
-    };
-    let scenario = Scenario::from_json(&scenario.to_string()).map_err(first)?;
-    let robots = control::team::robots(&scenario).map_err(first)?;
-    let limits = robots.iter().map(RobotLimits::of).collect();
-    Ok((Team::new(&scenario).map_err(first)?, limits))
+    Scenario::from_json(&document.to_string()).map_err(refused)
 }
 
-/// What a robot's wheels allow.
-#[derive(Debug, Clone, Copy)]
-struct RobotLimits {
-    motion: MotionLimits,
-    wheel_radius_m: f64,
+/// Motion limits of each robot.
+pub(crate) fn limits(assignment: &Assignment) -> Result<Vec<RobotLimits>, Conclusion> {
+    let robots = control::team::robots(&scenario(assignment)?).map_err(refused)?;
+    Ok(robots.iter().map(RobotLimits::of).collect())
 }
 
-/// Fastest that any robot here is thought to be when its description sets no limit.
-const UNLIMITED_M_PER_S: f64 = 3.0;
-
-impl RobotLimits {
-    fn of(robot: &twin::robot::Robot) -> Self {
-        let wheels = &robot.description().wheels;
-        let wheel_radius_m = wheels
-            .iter()
-            .filter(|wheel| wheel.driven)
-            .filter_map(|wheel| wheel.radius_m)
-            .fold(0.0, f64::max);
-        // Two omni wheels at right angles move the body by sqrt 2 of their rim speed.
-        let rim_m_per_s = robot.max_wheel_speed_rad_per_s() * wheel_radius_m * std::f64::consts::SQRT_2;
-        let speed_m_per_s = rim_m_per_s.min(UNLIMITED_M_PER_S);
-        let lever_m = wheels
-            .iter()
-            .map(|wheel| f64::hypot(wheel.x_m, wheel.y_m))
-            .fold(f64::INFINITY, f64::min)
-            .max(0.05);
-        let yaw_rate_rad_per_s = speed_m_per_s / lever_m;
-        Self {
-            motion: MotionLimits {
-                speed_m_per_s,
-                yaw_rate_rad_per_s,
-            },
-            wheel_radius_m,
-        }
-    }
+/// Robots stand still and stay awake until something else takes over.
+pub(crate) fn keep(lab: &Arc<Lab>, ports: Vec<HeldPort>) -> Result<Keeper, Conclusion> {
+    Keeper::start(lab.clone(), ports).map_err(|error| {
+        Conclusion::failed(
+            Whose::Platform,
+            "thread_refused",
+            format!("A thread cannot be started: {error}."),
+        )
+    })
 }
 
 /// The right to send to all robots of the run, under its epoch.
@@ -312,7 +286,11 @@ async fn report_running(lab: &Lab, assignment: &Assignment, lease: &Lease) -> Re
     }
 }
 
-fn loop_robots(lab: &Lab, ports: Vec<HeldPort>, limits: &[RobotLimits]) -> Result<Vec<LoopRobot>, Conclusion> {
+pub(crate) fn pilot_robots(
+    lab: &Lab,
+    ports: &[HeldPort],
+    limits: &[RobotLimits],
+) -> Result<Vec<PilotRobot>, Conclusion> {
     let gone = || {
         Conclusion::failed(
             Whose::Platform,
@@ -323,29 +301,35 @@ fn loop_robots(lab: &Lab, ports: Vec<HeldPort>, limits: &[RobotLimits]) -> Resul
     if ports.len() != limits.len() {
         return Err(gone());
     }
-    let made = ports.into_iter().zip(limits).map(|(port, limits)| {
-        let (pose, age_us) = lab.tracker.pose(port.robot().number)?;
-        let telemetry = port.robot().newest()?;
+    let made = ports.iter().zip(limits).map(|(port, limits)| {
+        let robot = port.robot();
+        let (pose, age_us) = lab.localisation.pose(robot.number)?;
+        let telemetry = robot.newest()?;
         let mut track = PoseTrack::new(limits.motion);
-        track.observe(PoseSample {
+        let sample = PoseSample {
             exposure_us: monotonic_us() - age_us,
             x_m: pose.x_m,
             y_m: pose.y_m,
             yaw_rad: pose.yaw_rad,
-        });
-        Some(LoopRobot {
-            port,
+        };
+        track.observe(sample, pose.velocity);
+        let name = robot.name.clone();
+        Some(PilotRobot::new(
+            robot.number,
+            name,
             track,
             telemetry,
-            turned: telemetry,
-            wheel_radius_m: limits.wheel_radius_m,
-            logged: [false; 2],
-        })
+            limits.wheel_radius_m,
+        ))
     });
     made.collect::<Option<_>>().ok_or_else(gone)
 }
 
-fn signals(lab: &Arc<Lab>, lease: &Arc<Lease>, recorder: &RecorderHandle) -> Box<dyn Fn() -> Signals + Send> {
+pub(crate) fn signals(
+    lab: &Arc<Lab>,
+    lease: &Arc<Lease>,
+    recorder: &RecorderHandle,
+) -> Box<dyn Fn() -> Signals + Send> {
     let (lab, lease, recorder) = (lab.clone(), lease.clone(), recorder.clone());
     Box::new(move || Signals {
         protective_stop: lab.latch.is_pressed(),
@@ -357,7 +341,7 @@ fn signals(lab: &Arc<Lab>, lease: &Arc<Lease>, recorder: &RecorderHandle) -> Box
     })
 }
 
-async fn run_loop(setup: Setup) -> Result<LoopResult, Conclusion> {
+pub(crate) async fn run_loop(setup: Setup) -> Result<LoopEnd, Conclusion> {
     let failed = |message: String| Conclusion::failed(Whose::Platform, "loop_failed", message);
     let (done, result) = tokio::sync::oneshot::channel();
     std::thread::Builder::new()

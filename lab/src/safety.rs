@@ -35,6 +35,8 @@ pub struct Inputs<'a> {
     pub signals: Signals,
     /// All robots reached their last target and stayed there.
     pub team_finished: bool,
+    /// Robots hold each other for good.
+    pub team_stuck: bool,
     /// The experiment's time is over.
     pub time_over: bool,
 }
@@ -82,6 +84,7 @@ pub enum Ending {
     /// Index of the robot in the experiment.
     PoseLost(usize),
     Cancelled,
+    Deadlock,
 }
 
 /// See the module.
@@ -134,6 +137,8 @@ fn find_ending(inputs: &Inputs) -> Option<Ending> {
         Some(Ending::Cancelled)
     } else if inputs.team_finished || inputs.time_over {
         Some(Ending::Finished)
+    } else if inputs.team_stuck {
+        Some(Ending::Deadlock)
     } else {
         None
     }
@@ -207,6 +212,12 @@ impl Ending {
                 "cancelled_by_user",
                 "The run was cancelled.".to_owned(),
             ),
+            Self::Deadlock => (
+                RunState::Failed,
+                Whose::User,
+                "deadlock",
+                "Robots held each other, and no attempt to get them past one another succeeded.".to_owned(),
+            ),
         };
         (
             state,
@@ -243,6 +254,7 @@ mod tests {
             robots,
             signals: QUIET,
             team_finished: false,
+            team_stuck: false,
             time_over: false,
         }
     }
@@ -381,5 +393,17 @@ mod tests {
             assert_eq!(safety.tick(&inputs(&FINE)), Permission::Ended(ending));
             assert_eq!(ending.report(&[]).0, state);
         }
+    }
+
+    #[test]
+    fn a_deadlock_for_good_ends_the_run_and_says_so() {
+        let stuck = Inputs {
+            team_stuck: true,
+            ..inputs(&FINE)
+        };
+        assert_eq!(Safety::default().tick(&stuck), Permission::Ended(Ending::Deadlock));
+        let (state, fault) = Ending::Deadlock.report(&[]);
+        assert_eq!(state, RunState::Failed);
+        assert_eq!(fault.expect("a fault").code, "deadlock");
     }
 }

@@ -44,7 +44,7 @@ pub fn inspect(folder: &Path) -> Option<Leftover> {
     for record in journal {
         match record {
             Record::Motion(_) => leftover.moved = true,
-            Record::Tick(tick) => {
+            Record::Tick(tick) if leftover.moved => {
                 leftover.ticks_recorded += 1;
                 leftover.ticks_missed = tick.missed;
             }

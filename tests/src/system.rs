@@ -198,7 +198,13 @@ impl System {
                 left.push(format!("process {name} ({pid})"));
             }
         }
-        for socket in ["tracker.sock", "hand.sock"] {
+        for socket in [
+            "hand.sock",
+            "camera-0.sock",
+            "camera-0.poses.sock",
+            "camera-1.sock",
+            "camera-1.poses.sock",
+        ] {
             if self.data.join(socket).exists() {
                 left.push(format!("socket {socket}"));
             }

@@ -13,9 +13,11 @@ const EDGES: &[(&str, &[&str])] = &[
     ("api", &[]),
     ("client", &["api", "control", "identify", "twin"]),
     ("control", &["twin"]),
+    // The laboratory in virtual time: its own code against the plant.
+    ("drills", &["api", "control", "emulator", "lab", "localise", "robot"]),
     ("emulator", &["api", "robot"]),
     ("identify", &["twin"]),
-    ("lab", &["api", "control", "robot", "twin"]),
+    ("lab", &["api", "control", "localise", "robot", "twin"]),
     ("localise", &[]),
     ("robot", &[]),
     ("scheduler", &["api", "control", "identify", "store", "twin"]),

@@ -39,6 +39,9 @@ pub struct UpArguments {
     /// Start the service without a laboratory
     #[arg(long)]
     pub no_lab: bool,
+    /// Let a tracker tell the robots' poses instead of cameras
+    #[arg(long)]
+    pub tracker: bool,
     /// Take the programs and bundles as they are
     #[arg(long, hide = true)]
     pub skip_build: bool,
@@ -74,7 +77,7 @@ pub fn up(arguments: &UpArguments) -> Result<End> {
         (Some(binaries), None) => Some(Cluster::prepare(binaries, &data, Durability::Safe)?),
         _ => None,
     };
-    let programs = Programs::new(&data, ports, cluster, own_database, arguments.no_lab)?;
+    let programs = Programs::new(&data, ports, cluster, own_database, arguments.no_lab, arguments.tracker)?;
     sys::catch_end_signals();
     serve(&data, &programs)
 }

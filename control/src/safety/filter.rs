@@ -1,19 +1,37 @@
 //! The filter itself: observations and desired twists in, safe commands out.
 
+mod admit;
+mod finish;
+
 use twin::command::WheelCommand;
+use twin::pose::Pose;
 use twin::robot::Robot;
 use twin::twist::BodyTwist;
+use twin::world::Contents;
 
-use super::constraints::{self, Against, Constraint, Place};
-use super::intervention::{Cause, Intervention};
-use super::solver::{self, Groups};
+use super::chassis::{Chassis, Motion, Numbers};
+use super::deadlock::{Deadlock, Watcher};
+use super::groups::Groups;
+use super::intervention::{Cause, Strongest};
+use super::listing::{self, Listing, Robots, Scene};
+use super::margin::Place;
+use super::pipeline::Pipeline;
+use super::rows::NOBODY;
+use super::solver::{Group, Outcome, Solver};
+use super::surroundings::{self, Geofence};
 use super::{Filtered, Limits, SafeCommand};
-use crate::law::{Drive, RobotObservation};
-use crate::vector::{Vector, body_from_world, clip, dot, heading, length, right_of, scale, sub, world_from_body};
+use crate::TICK_S;
+use crate::law::RobotObservation;
+use crate::vector::{Vector, dot, length, right_of, scale};
+use finish::record;
 
-/// A change below this is not recorded.
-const RECORDED_M_PER_S: f64 = 2e-3;
 const RECORDED_RAD_PER_S: f64 = 1e-3;
+/// Times that the problem is solved again around robots that had to stop; then all of the groups concerned stop.
+const MAX_ROUNDS: u32 = 4;
+/// Rows may be missed by this after the last transform; more stops the robots.
+const MISSED_M_PER_S: f64 = 1e-6;
+/// A swing below this is rounding or no harm.
+const SWUNG_M_PER_S: f64 = 2e-3;
 
 /// A robot as the filter needs it.
 #[derive(Debug, Clone)]
@@ -22,23 +40,46 @@ pub struct FilterBody {
     pub bounding_radius_m: f64,
 }
 
-/// Turns desired twists into safe commands; see the module. Allocates only in `new`.
+/// Turns desired twists into safe commands; see the module. Allocates only in `new` and the `with_` functions.
 #[derive(Debug, Clone)]
 pub struct SafetyFilter {
     limits: Limits,
-    half_arena: Vector,
-    bodies: Vec<FilterBody>,
-    drives: Vec<Drive>,
+    scene: Scene,
+    chassis: Vec<Chassis>,
+    radii_m: Vec<f64>,
+    latencies_s: Vec<f64>,
+    /// The measured delay is one that the filter can answer for.
+    latency_known: Vec<bool>,
+    easy: Vec<[f64; 2]>,
+    planar: Vec<bool>,
+    // What the next tick depends on.
     places: Vec<Place>,
-    velocities: Vec<Vector>,
-    yaw_rad: Vec<f64>,
-    yaw_rates: Vec<f64>,
-    constraints: Vec<Constraint>,
-    groups: Groups,
-    factors: Vec<f64>,
-    stops: Vec<Option<Cause>>,
+    pipelines: Vec<Pipeline>,
     steering_rad: Vec<f64>,
+    curvature: Vec<f64>,
+    watcher: Watcher,
+    active_keys: Vec<u64>,
+    missed_ticks: u32,
     filtered: Vec<Filtered>,
+    // Workspace of one tick.
+    desired: Vec<Numbers>,
+    numbers: Vec<Numbers>,
+    stops: Vec<Option<Cause>>,
+    /// Stopping along a deceleration, not at once.
+    slowing: Vec<bool>,
+    swung: Vec<bool>,
+    steered_out: Vec<bool>,
+    listing: Listing,
+    groups: Groups,
+    group_rows: Vec<u32>,
+    group_starts: Vec<u32>,
+    members: Vec<u32>,
+    solver: Solver,
+    strongest: Vec<Strongest>,
+    intents: Vec<Vector>,
+    velocities: Vec<Vector>,
+    holds: Vec<bool>,
+    steps: u32,
 }
 
 const STOP: SafeCommand = SafeCommand {
@@ -54,348 +95,440 @@ const STOP: SafeCommand = SafeCommand {
 };
 
 impl SafetyFilter {
-    /// A filter for robots in a rectangular arena centred at the origin, `arena_m = [width, height]`.
+    /// A filter for robots in an empty rectangular arena centred at the origin, `arena_m = [width, height]`.
     pub fn new(limits: Limits, arena_m: [f64; 2], bodies: Vec<FilterBody>) -> SafetyFilter {
         let n = bodies.len();
-        let drives = bodies.iter().map(|body| Drive::of(&body.robot)).collect();
-        let place = |body: &FilterBody| Place {
-            position: None,
-            radius_m: body.bounding_radius_m,
-            movable: false,
-            velocity: [0.0, 0.0],
-            commanded: [0.0, 0.0],
-            pose_age_s: 0.0,
-            axis: None,
+        let scene = Scene {
+            half_arena_m: scale(arena_m, 0.5),
+            fence: None,
+            bodies: Vec::new(),
+        };
+        let radii_m = bodies.iter().map(|body| body.bounding_radius_m).collect();
+        let chassis: Vec<Chassis> = bodies
+            .into_iter()
+            .map(|body| Chassis::new(body.robot, &limits))
+            .collect();
+        let listing = Listing::new(&chassis, &scene);
+        let rows = listing.rows.capacity();
+        let stopped = Filtered {
+            command: STOP,
+            intervention: None,
         };
         SafetyFilter {
             limits,
-            half_arena: scale(arena_m, 0.5),
-            drives,
-            places: bodies.iter().map(place).collect(),
-            velocities: vec![[0.0, 0.0]; n],
-            yaw_rad: vec![0.0; n],
-            yaw_rates: vec![0.0; n],
-            constraints: Vec::with_capacity(n * n.saturating_sub(1) / 2 + 4 * n),
-            groups: Groups::new(n),
-            factors: vec![1.0; n],
-            stops: vec![None; n],
+            scene,
+            easy: chassis.iter().map(Chassis::easy).collect(),
+            planar: chassis.iter().map(|one| one.motion == Motion::Holonomic).collect(),
+            chassis,
+            radii_m,
+            latencies_s: vec![limits.latency_s; n],
+            latency_known: vec![true; n],
+            places: vec![Place::STILL; n],
+            pipelines: vec![Pipeline::new(); n],
             steering_rad: vec![0.0; n],
-            filtered: vec![
-                Filtered {
-                    command: STOP,
-                    intervention: None
-                };
-                n
-            ],
-            bodies,
+            curvature: vec![0.0; n],
+            watcher: Watcher::new(n, &limits),
+            active_keys: Vec::with_capacity(rows),
+            missed_ticks: 0,
+            filtered: vec![stopped; n],
+            desired: vec![[0.0; 3]; n],
+            numbers: vec![[0.0; 3]; n],
+            stops: vec![None; n],
+            slowing: vec![false; n],
+            swung: vec![false; n],
+            steered_out: vec![false; n],
+            groups: Groups::new(n),
+            group_rows: Vec::with_capacity(rows),
+            group_starts: vec![0; n + 1],
+            members: Vec::with_capacity(n),
+            solver: Solver::new(n),
+            strongest: vec![Strongest::NONE; n],
+            intents: vec![[0.0, 0.0]; n],
+            velocities: vec![[0.0, 0.0]; n],
+            holds: vec![false; n],
+            steps: 0,
+            listing,
         }
+    }
+
+    /// The same filter with the obstacles of an arena. Pushable ones stand at their start until
+    /// [`SafetyFilter::see_pushable`] says otherwise.
+    pub fn with_contents(mut self, contents: &Contents) -> SafetyFilter {
+        self.scene.bodies = surroundings::bodies(contents);
+        self.make_room();
+        self
+    }
+
+    /// The same filter with a region that no bounding circle may leave, besides the walls.
+    pub fn with_geofence(mut self, fence: Geofence) -> SafetyFilter {
+        self.scene.fence = Some(fence);
+        self.make_room();
+        self
+    }
+
+    fn make_room(&mut self) {
+        self.listing.reserve(&self.scene);
+        let rows = self.listing.rows.capacity();
+        self.active_keys.reserve(rows);
+        self.group_rows.reserve(rows);
     }
 
     pub fn limits(&self) -> &Limits {
         &self.limits
     }
 
+    /// Longest delay that the filter can answer for, s: what it remembers of its commands less [`Limits::oldest_pose_s`].
+    pub fn longest_latency_s(&self) -> f64 {
+        super::pipeline::DEPTH as f64 * TICK_S - self.limits.oldest_pose_s
+    }
+
+    /// Measured delay of the link to a robot and of the robot itself, s; the default is [`Limits::latency_s`].
+    ///
+    /// A robot whose delay is longer than [`SafetyFilter::longest_latency_s`], negative or not finite stands still until
+    /// the next measurement.
+    pub fn set_latency_s(&mut self, robot: usize, latency_s: f64) {
+        let longest_s = self.longest_latency_s();
+        if let (Some(slot), Some(known)) = (self.latencies_s.get_mut(robot), self.latency_known.get_mut(robot)) {
+            *known = (0.0..=longest_s).contains(&latency_s);
+            *slot = if *known { latency_s } else { longest_s };
+        }
+    }
+
+    /// Where a tracked pushable obstacle is and how it moves in the world frame, until the next time.
+    pub fn see_pushable(&mut self, index: usize, pose: Pose, velocity_m_per_s: [f64; 2], yaw_rate_rad_per_s: f64) {
+        let found = self.scene.bodies.iter_mut().filter(|body| body.pushable).nth(index);
+        if let Some(body) = found {
+            body.place(pose, velocity_m_per_s, yaw_rate_rad_per_s);
+        }
+    }
+
+    /// Robots that hold each other or did a moment ago.
+    pub fn deadlocks(&self) -> impl Iterator<Item = Deadlock> + '_ {
+        self.watcher.deadlocks()
+    }
+
+    /// Steps that the solver took on the last tick, over all groups.
+    pub fn solver_steps(&self) -> u32 {
+        self.steps
+    }
+
+    /// Forgets everything that was seen and sent: the state of a new filter.
+    pub fn reset(&mut self) {
+        self.places.fill(Place::STILL);
+        for pipeline in &mut self.pipelines {
+            *pipeline = Pipeline::new();
+        }
+        self.steering_rad.fill(0.0);
+        self.curvature.fill(0.0);
+        self.watcher.reset();
+        self.active_keys.clear();
+        self.missed_ticks = 0;
+        self.filtered.fill(Filtered {
+            command: STOP,
+            intervention: None,
+        });
+    }
+
     /// Safe commands for this tick, one per robot, in order. Missing observations count as offline, missing twists as zero.
     pub fn apply(&mut self, observations: &[RobotObservation], desired: &[BodyTwist]) -> &[Filtered] {
-        for i in 0..self.bodies.len() {
+        self.apply_towards(observations, desired, desired)
+    }
+
+    /// As [`SafetyFilter::apply`] where `desired` is on its way to `intended`, limited in its acceleration: what a
+    /// robot wants in the end decides whether it is held.
+    pub fn apply_towards(
+        &mut self,
+        observations: &[RobotObservation],
+        desired: &[BodyTwist],
+        intended: &[BodyTwist],
+    ) -> &[Filtered] {
+        self.missed_ticks = 0;
+        let n = self.chassis.len();
+        for i in 0..n {
             let wanted = desired.get(i).copied().unwrap_or_default();
-            self.admit(i, observations.get(i), wanted);
+            let intended = intended.get(i).copied().unwrap_or_default();
+            self.admit(i, observations.get(i), &wanted, &intended);
         }
-        // A robot that was never seen could be anywhere.
-        if self.places.iter().any(|place| place.position.is_none()) {
-            for (place, stop) in self.places.iter_mut().zip(&mut self.stops) {
-                place.movable = false;
-                stop.get_or_insert(Cause::PoseAge);
-            }
-        }
-        constraints::collect(&mut self.places, self.half_arena, &self.limits, &mut self.constraints);
-        for (velocity, place) in self.velocities.iter_mut().zip(&self.places) {
-            if !place.movable {
-                *velocity = [0.0, 0.0];
-            }
-        }
-        solver::project(&mut self.constraints, &mut self.velocities);
-        self.shorten();
+        self.stop_the_unknown();
+        self.solve();
         self.steady_turns();
-        for i in 0..self.bodies.len() {
+        self.check_rows();
+        self.weigh();
+        for i in 0..n {
             let wanted = desired.get(i).copied().unwrap_or_default();
-            self.filtered[i] = self.finish(i, observations.get(i), wanted);
+            self.filtered[i] = self.finish(i, wanted);
         }
+        self.watch();
         &self.filtered
     }
 
     /// Stop commands for all robots.
     pub fn stop(&mut self) -> &[Filtered] {
-        for (i, filtered) in self.filtered.iter_mut().enumerate() {
-            *filtered = Filtered {
-                command: stop_holding(self.steering_rad[i]),
-                intervention: None,
-            };
-            self.places[i].commanded = [0.0, 0.0];
+        self.stop_with(None);
+        &self.filtered
+    }
+
+    /// Commands of a tick whose deadline has passed: those of the tick before, decelerated; from the second in a row on, stop.
+    pub fn missed_tick(&mut self) -> &[Filtered] {
+        self.missed_ticks = self.missed_ticks.saturating_add(1);
+        if self.missed_ticks > 1 {
+            self.stop_with(Some(Cause::Late));
+            return &self.filtered;
+        }
+        for i in 0..self.chassis.len() {
+            let before = self.filtered[i].command.twist;
+            let command = self.decelerated(i);
+            self.send(i, command);
+            let intervention = Some(record(Cause::Late, before, command.twist, Strongest::NONE));
+            self.filtered[i] = Filtered { command, intervention };
         }
         &self.filtered
     }
 
-    /// Takes in one robot: where it is, whether it may move, and its desired velocity within the speed limits.
-    fn admit(&mut self, i: usize, observation: Option<&RobotObservation>, wanted: BodyTwist) {
-        let limits = self.limits;
-        let place = &mut self.places[i];
-        place.radius_m = self.bodies[i].bounding_radius_m;
-        self.velocities[i] = [0.0, 0.0];
-        self.yaw_rates[i] = 0.0;
-        let stop = stop_cause(observation, &wanted, &limits);
-        self.stops[i] = stop;
-        place.movable = stop.is_none();
-        let Some(seen) = observation.filter(|seen| seen.pose.is_finite()) else {
-            place.velocity = [0.0, 0.0];
-            place.pose_age_s = limits.oldest_pose_s;
-            place.radius_m += limits.stale_growth_m;
-            return;
-        };
-        place.position = Some([seen.pose.x_m, seen.pose.y_m]);
-        let age_s = if seen.pose_age_s.is_finite() {
-            seen.pose_age_s.max(0.0)
-        } else {
-            f64::MAX
-        };
-        place.pose_age_s = age_s.min(limits.oldest_pose_s);
-        if age_s > limits.oldest_pose_s {
-            place.radius_m += (limits.stale_growth_m_per_s * age_s).min(limits.stale_growth_m);
-        }
-        let body_velocity = [seen.twist.forward_m_per_s, seen.twist.left_m_per_s];
-        let known = body_velocity[0].is_finite() && body_velocity[1].is_finite();
-        let yaw_rad = seen.pose.yaw_rad;
-        self.yaw_rad[i] = yaw_rad;
-        place.velocity = if known {
-            clip(world_from_body(body_velocity, yaw_rad), 2.0 * limits.speed_m_per_s)
-        } else {
-            [0.0, 0.0]
-        };
-        let holonomic = self.drives[i] == Drive::Holonomic;
-        place.axis = (!holonomic).then(|| heading(yaw_rad));
-        if place.movable {
-            let sideways = if holonomic { wanted.left_m_per_s } else { 0.0 };
-            let velocity = clip([wanted.forward_m_per_s, sideways], limits.speed_m_per_s);
-            self.velocities[i] = world_from_body(velocity, yaw_rad);
-            self.yaw_rates[i] = wanted
-                .yaw_rate_rad_per_s
-                .clamp(-limits.yaw_rate_rad_per_s, limits.yaw_rate_rad_per_s);
+    fn stop_with(&mut self, cause: Option<Cause>) {
+        for i in 0..self.chassis.len() {
+            let before = self.filtered[i].command.twist;
+            let command = stop_holding(self.steering_rad[i]);
+            self.send(i, command);
+            let intervention = cause.map(|cause| record(cause, before, command.twist, Strongest::NONE));
+            self.filtered[i] = Filtered { command, intervention };
         }
     }
 
-    /// Shortens all velocities of a group by one factor, so that limits and constraints hold together.
-    fn shorten(&mut self) {
+    /// Lists and solves until no group fails; each failure stops robots.
+    fn solve(&mut self) {
+        self.steps = 0;
+        for round in 0..=MAX_ROUNDS {
+            let robots = Robots {
+                places: &self.places,
+                chassis: &self.chassis,
+                desired: &self.desired,
+                curvature: &self.curvature,
+            };
+            self.listing.fill(&robots, &self.scene, &self.limits);
+            self.recall();
+            self.part();
+            let mut failed = false;
+            for first in 0..self.chassis.len() {
+                if self.places[first].movable && self.groups.of(first) == first {
+                    failed |= !self.solve_group(first, round == MAX_ROUNDS);
+                }
+            }
+            if !failed || round == MAX_ROUNDS {
+                break;
+            }
+        }
+        self.active_keys.clear();
+        self.active_keys
+            .extend(self.listing.rows.iter().filter(|row| row.active).map(|row| row.key));
+    }
+
+    /// Marks the rows that were active on the tick before; both lists rise.
+    fn recall(&mut self) {
+        let mut at = 0;
+        for row in &mut self.listing.rows {
+            while at < self.active_keys.len() && self.active_keys[at] < row.key {
+                at += 1;
+            }
+            row.active = self.active_keys.get(at) == Some(&row.key);
+        }
+    }
+
+    /// Parts the shared rows by group: those of group `g` stand at `group_starts[g]..group_starts[g + 1]`.
+    fn part(&mut self) {
+        let n = self.chassis.len();
+        let shared = &self.listing.rows[..self.listing.shared];
         self.groups.reset();
-        for constraint in &self.constraints {
-            if let Against::Robot(other) = constraint.against {
-                let (a, b) = (constraint.robot as usize, other as usize);
-                if self.places[a].movable && self.places[b].movable {
-                    self.groups.join(a, b);
-                }
+        for row in shared {
+            let [a, b] = row.robots.map(|robot| robot as usize);
+            if row.robots[1] != NOBODY && self.places[a].movable && self.places[b].movable {
+                self.groups.join(a, b);
             }
         }
-        self.factors.fill(1.0);
-        for i in 0..self.bodies.len() {
-            let factor = self.limit_factor(i);
-            let group = self.groups.of(i);
-            self.factors[group] = self.factors[group].min(factor);
+        self.group_starts.fill(0);
+        for row in shared {
+            self.group_starts[self.groups.of(mover(row, &self.places)) + 1] += 1;
         }
-        for constraint in &self.constraints {
-            let factor = solver::shortening(constraint, &self.velocities);
-            let robots = [
-                Some(constraint.robot),
-                if let Against::Robot(other) = constraint.against {
-                    Some(other)
-                } else {
-                    None
-                },
-            ];
-            for robot in robots.into_iter().flatten() {
-                let group = self.groups.of(robot as usize);
-                self.factors[group] = self.factors[group].min(factor);
-            }
+        for g in 0..n {
+            self.group_starts[g + 1] += self.group_starts[g];
         }
-        for i in 0..self.bodies.len() {
-            self.velocities[i] = scale(self.velocities[i], self.factors[self.groups.of(i)]);
+        self.group_rows.clear();
+        self.group_rows.resize(shared.len(), 0);
+        for (at, row) in shared.iter().enumerate().rev() {
+            // From the end, so that the starts count down to the ends of the groups before.
+            let g = self.groups.of(mover(row, &self.places));
+            self.group_starts[g + 1] -= 1;
+            self.group_rows[self.group_starts[g + 1] as usize] = at as u32;
         }
+        // group_starts[g + 1] is now the start of g.
     }
 
-    /// Limits yaw rates where turning would bend a velocity into a constraint before the command takes effect.
+    fn group_range(&self, g: usize) -> std::ops::Range<usize> {
+        let start = self.group_starts[g + 1] as usize;
+        let end = self
+            .group_starts
+            .get(g + 2)
+            .map_or(self.group_rows.len(), |end| *end as usize);
+        start..end
+    }
+
+    /// False when the group has no solution; its robots are stopped, those that clash or, the last time, all.
+    fn solve_group(&mut self, first: usize, last: bool) -> bool {
+        self.members.clear();
+        for i in first..self.chassis.len() {
+            if self.places[i].movable && self.groups.of(i) == first {
+                self.members.push(i as u32);
+            }
+        }
+        let range = self.group_range(first);
+        let group = Group {
+            shared: &self.group_rows[range],
+            robots: &self.members,
+            own: &self.listing.own,
+            easy: &self.easy,
+            planar: &self.planar,
+        };
+        let outcome = self
+            .solver
+            .solve(&group, &mut self.listing.rows, &self.desired, &mut self.numbers);
+        self.steps += self.solver.steps;
+        let cause = match outcome {
+            Outcome::Solved => return true,
+            Outcome::Infeasible => Cause::Infeasible,
+            Outcome::NotConverged => Cause::NotConverged,
+        };
+        if outcome == Outcome::Infeasible && !last {
+            for k in 0..self.solver.clash().len() {
+                let robots = self.listing.rows[self.solver.clash()[k] as usize].robots;
+                for robot in robots {
+                    if robot != NOBODY && self.places[robot as usize].movable {
+                        self.halt(robot as usize, cause);
+                    }
+                }
+            }
+        } else {
+            for k in 0..self.members.len() {
+                self.halt(self.members[k] as usize, cause);
+            }
+        }
+        false
+    }
+
+    /// From now on an obstacle that comes to rest along a deceleration.
+    fn halt(&mut self, i: usize, cause: Cause) {
+        self.places[i].movable = false;
+        self.stops[i].get_or_insert(cause);
+        self.slowing[i] = true;
+        let twist = self.decelerated(i).twist;
+        self.numbers[i] = self.chassis[i].numbers(&twist);
+        let curvature = if twist.forward_m_per_s == 0.0 {
+            0.0
+        } else {
+            twist.yaw_rate_rad_per_s / twist.forward_m_per_s
+        };
+        let body = self.chassis[i].velocity(self.numbers[i], curvature);
+        self.places[i].commanded = self.places[i].world_from_body(body);
+    }
+
+    /// The last command, slower by the stopping deceleration.
+    fn decelerated(&self, i: usize) -> SafeCommand {
+        let last = self.filtered[i].command.twist;
+        let size = last.speed_m_per_s() + self.radii_m[i] * last.yaw_rate_rad_per_s.abs();
+        let change = self.limits.stopping_m_per_s2.max(self.limits.braking_m_per_s2) * TICK_S;
+        let factor = if size > change { 1.0 - change / size } else { 0.0 };
+        let twist = BodyTwist {
+            forward_m_per_s: last.forward_m_per_s * factor,
+            left_m_per_s: last.left_m_per_s * factor,
+            yaw_rate_rad_per_s: last.yaw_rate_rad_per_s * factor,
+        };
+        // A fraction of wheel speeds within the limits is within the limits.
+        let wheels = self.chassis[i]
+            .robot()
+            .wheel_speeds_holding(twist, self.steering_rad[i]);
+        SafeCommand { twist, wheels }
+    }
+
+    /// Limits yaw rates where turning would swing a velocity into something before the next commands arrive.
     ///
-    /// A command is a twist in the body frame; after the latency t it points r t further round. What this adds to the
-    /// approach may not exceed what the gap allows, so it vanishes with the gap. Turning away is never limited.
+    /// A command is a twist in the body frame; after the time t it points r t further round, and so does what the
+    /// robot still has of earlier commands: a robot that is told to stop and to turn coasts round a bend. What this
+    /// adds to the approach may not exceed what is left of the row and half of what the gap allows. Turning away is
+    /// never limited, and a smaller yaw rate keeps every other row: those of the wheels hold without turning as well.
     fn steady_turns(&mut self) {
-        for constraint in &self.constraints {
-            let (other, allowed) = match constraint.against {
-                Against::Robot(other) => (Some(other as usize), -constraint.bound / 2.0),
-                Against::Wall(_) => (None, -constraint.bound),
-            };
-            let own = (constraint.robot as usize, constraint.normal);
-            let other = other.map(|other| (other, scale(constraint.normal, -1.0)));
-            for (i, normal) in [Some(own), other].into_iter().flatten() {
-                let latency_s = self.limits.latency_s + self.places[i].pose_age_s;
-                let left = scale(right_of(self.velocities[i]), -1.0);
-                let bend = dot(normal, left) * self.yaw_rates[i] * latency_s;
-                if bend < -allowed {
-                    self.yaw_rates[i] *= allowed / -bend;
+        for at in 0..self.listing.shared {
+            let row = &self.listing.rows[at];
+            let share = if listing::is_single(row) { 1.0 } else { 0.5 };
+            let left_over = (row.value(&self.numbers) - row.bound).max(0.0) * row.scale;
+            let gap_allows = 0.5 * (-row.bound * row.scale).max(0.0);
+            let (robots, normal) = (row.robots, row.normal);
+            for (robot, sign) in robots.into_iter().zip([1.0, -1.0]) {
+                let i = robot as usize;
+                if robot != NOBODY
+                    && self.places[i].movable
+                    && !matches!(self.chassis[i].motion, Motion::Steered { .. })
+                {
+                    self.steady_turn(i, scale(normal, sign), share * left_over, share * gap_allows);
                 }
             }
         }
     }
 
-    /// Factor that brings a robot's speed and its wheels (translation only) within their limits.
-    fn limit_factor(&self, i: usize) -> f64 {
-        let speed = length(self.velocities[i]);
-        let body = if speed > self.limits.speed_m_per_s {
-            self.limits.speed_m_per_s / speed
-        } else {
-            1.0
-        };
-        let [forward_m_per_s, left_m_per_s] = body_from_world(self.velocities[i], self.yaw_rad[i]);
-        let left_m_per_s = if self.drives[i] == Drive::Holonomic {
-            left_m_per_s
-        } else {
-            0.0
-        };
-        let straight = BodyTwist {
-            forward_m_per_s,
-            left_m_per_s,
-            yaw_rate_rad_per_s: 0.0,
-        };
-        let wheels = largest_wheel(&self.bodies[i].robot, &straight);
-        let limit = self.wheel_limit(i);
-        if wheels > limit { body.min(limit / wheels) } else { body }
-    }
-
-    fn wheel_limit(&self, i: usize) -> f64 {
-        self.bodies[i].robot.max_wheel_speed_rad_per_s() * self.limits.wheel_share
-    }
-
-    /// Body twist, wheel set-points and the record of one robot.
-    fn finish(&mut self, i: usize, observation: Option<&RobotObservation>, requested: BodyTwist) -> Filtered {
-        let movable = self.places[i].movable;
-        let Some(seen) = observation.filter(|_| movable) else {
-            self.places[i].commanded = [0.0, 0.0];
-            let cause = self.stops[i].unwrap_or(Cause::Infeasible);
-            let intervention = Some(record(cause, requested, BodyTwist::default()));
-            return Filtered {
-                command: stop_holding(self.steering_rad[i]),
-                intervention,
-            };
-        };
-        let twist = self.twist(i, seen, requested);
-        let robot = &self.bodies[i].robot;
-        let mut wheels = robot.wheel_speeds_holding(twist, self.steering_rad[i]);
-        let limit = self.wheel_limit(i);
-        for speed in &mut wheels.wheel_rad_per_s {
-            *speed = speed.clamp(-limit, limit);
-        }
-        wheels.steering_rad = wheels
-            .steering_rad
-            .clamp(-robot.max_steering_rad(), robot.max_steering_rad());
-        if wheels.non_finite_field().is_some() {
-            self.places[i].commanded = [0.0, 0.0];
-            let intervention = Some(record(Cause::NotFinite, requested, BodyTwist::default()));
-            return Filtered {
-                command: stop_holding(0.0),
-                intervention,
-            };
-        }
-        self.steering_rad[i] = wheels.steering_rad;
-        self.places[i].commanded = self.velocities[i];
-        Filtered {
-            command: SafeCommand { twist, wheels },
-            intervention: self.judge(i, requested, twist),
-        }
-    }
-
-    /// The filtered velocity as a body twist, the yaw rate reduced to what the wheels leave for it.
-    fn twist(&self, i: usize, seen: &RobotObservation, requested: BodyTwist) -> BodyTwist {
-        let [forward_m_per_s, left_m_per_s] = body_from_world(self.velocities[i], seen.pose.yaw_rad);
-        if let Drive::Steered { .. } = self.drives[i] {
-            // A steered robot keeps its arc: the yaw rate follows the speed.
-            let arc = if requested.forward_m_per_s.abs() > 1e-6 {
-                forward_m_per_s / requested.forward_m_per_s
-            } else {
-                0.0
-            };
-            let yaw_rate_rad_per_s = self.yaw_rates[i] * arc.clamp(-1.0, 1.0);
-            let twist = BodyTwist {
-                forward_m_per_s,
-                left_m_per_s: 0.0,
-                yaw_rate_rad_per_s,
-            };
-            let (limit, needed) = (self.wheel_limit(i), largest_wheel(&self.bodies[i].robot, &twist));
-            let factor = if needed > limit { limit / needed } else { 1.0 };
-            return BodyTwist {
-                forward_m_per_s: forward_m_per_s * factor,
-                left_m_per_s: 0.0,
-                yaw_rate_rad_per_s: yaw_rate_rad_per_s * factor,
-            };
-        }
-        let left_m_per_s = if self.drives[i] == Drive::Holonomic {
-            left_m_per_s
-        } else {
-            0.0
-        };
-        let robot = &self.bodies[i].robot;
-        let straight = BodyTwist {
-            forward_m_per_s,
-            left_m_per_s,
-            yaw_rate_rad_per_s: 0.0,
-        };
-        let turning = BodyTwist {
-            yaw_rate_rad_per_s: self.yaw_rates[i],
-            ..BodyTwist::default()
-        };
-        let left_over = (self.wheel_limit(i) - largest_wheel(robot, &straight)).max(0.0);
-        let needed = largest_wheel(robot, &turning);
-        let share = if needed > left_over { left_over / needed } else { 1.0 };
-        BodyTwist {
-            yaw_rate_rad_per_s: self.yaw_rates[i] * share,
-            ..straight
-        }
-    }
-
-    /// What changed the command most; `None` when nothing did.
-    fn judge(&self, i: usize, requested: BodyTwist, applied: BodyTwist) -> Option<Intervention> {
-        let intervention = record(Cause::Speed, requested, applied);
-        if intervention.change_m_per_s < RECORDED_M_PER_S && intervention.change_rad_per_s < RECORDED_RAD_PER_S {
-            return None;
-        }
-        let mut cause = if self.factors[self.groups.of(i)] == 0.0 {
-            Cause::Infeasible
-        } else {
-            self.limit_cause(requested)
-        };
-        let mut largest = RECORDED_M_PER_S / 2.0;
-        for constraint in self.constraints.iter().filter(|c| c.multiplier > 0.0) {
-            let (gradient, found) = match constraint.against {
-                Against::Wall(side) if constraint.robot as usize == i => (constraint.gradient, Cause::Wall { side }),
-                Against::Robot(other) if constraint.robot as usize == i => {
-                    (constraint.gradient, Cause::Robot { other })
-                }
-                Against::Robot(other) if other as usize == i => (
-                    constraint.gradient_other,
-                    Cause::Robot {
-                        other: constraint.robot,
-                    },
-                ),
-                _ => continue,
-            };
-            let push = constraint.multiplier * length(gradient);
-            if push > largest && cause != Cause::Infeasible {
-                largest = push;
-                cause = found;
+    fn steady_turn(&mut self, i: usize, normal: Vector, left_over: f64, gap_allows: f64) {
+        let place = &self.places[i];
+        let yaw_rate = self.chassis[i]
+            .twist(self.numbers[i], self.curvature[i])
+            .yaw_rate_rad_per_s;
+        let angle = yaw_rate * listing::swing_s(place, &self.limits);
+        let (chosen, measured) = (self.velocity(i), place.velocity);
+        // What the measurement may be wrong by does not count.
+        let surely = (1.0 - self.limits.tracking_m_per_s / length(measured).max(1e-9)).max(0.0);
+        let coasting = scale(measured, surely);
+        let rises = |velocity: Vector| 2.0 * gap_allows + dot(normal, velocity).max(0.0);
+        let mut factor = 1.0_f64;
+        for (velocity, left_over) in [
+            (chosen, left_over),
+            (coasting, rises(coasting)),
+            (place.commanded, rises(place.commanded)),
+        ] {
+            let bend = dot(normal, scale(right_of(velocity), -1.0)) * angle;
+            let allowed = left_over + gap_allows + SWUNG_M_PER_S;
+            if bend < -allowed {
+                factor = factor.min(allowed / -bend);
             }
         }
-        Some(Intervention { cause, ..intervention })
+        if factor < 1.0 {
+            self.swung[i] |= yaw_rate.abs() * (1.0 - factor) > RECORDED_RAD_PER_S;
+            self.numbers[i] = self.chassis[i].turning(self.numbers[i], factor);
+        }
     }
 
-    fn limit_cause(&self, requested: BodyTwist) -> Cause {
-        let fast = requested.speed_m_per_s() > self.limits.speed_m_per_s;
-        let turns = requested.yaw_rate_rad_per_s.abs() > self.limits.yaw_rate_rad_per_s;
-        if fast || turns { Cause::Speed } else { Cause::WheelSpeed }
+    /// Velocity of the body origin in the world for the present numbers.
+    fn velocity(&self, i: usize) -> Vector {
+        self.places[i].world_from_body(self.chassis[i].velocity(self.numbers[i], self.curvature[i]))
+    }
+
+    /// Every row once more, on what will be sent; a robot whose row does not hold stops.
+    fn check_rows(&mut self) {
+        for at in 0..self.listing.rows.len() {
+            let row = &self.listing.rows[at];
+            if row.value(&self.numbers) < row.bound - MISSED_M_PER_S {
+                for robot in row.robots {
+                    if robot != NOBODY && self.places[robot as usize].movable {
+                        self.halt(robot as usize, Cause::NotConverged);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The robot of a row that the filter steers.
+fn mover(row: &super::rows::Row, places: &[Place]) -> usize {
+    let [a, b] = row.robots;
+    if places[a as usize].movable {
+        a as usize
+    } else {
+        b as usize
     }
 }
 
@@ -406,51 +539,5 @@ fn stop_holding(steering_rad: f64) -> SafeCommand {
             ..STOP.wheels
         },
         ..STOP
-    }
-}
-
-/// Why a robot may not move at all.
-fn stop_cause(observation: Option<&RobotObservation>, wanted: &BodyTwist, limits: &Limits) -> Option<Cause> {
-    let Some(seen) = observation else {
-        return Some(Cause::Offline);
-    };
-    let finite =
-        wanted.forward_m_per_s.is_finite() && wanted.left_m_per_s.is_finite() && wanted.yaw_rate_rad_per_s.is_finite();
-    if !seen.online {
-        Some(Cause::Offline)
-    } else if !seen.pose.is_finite() || !finite {
-        Some(Cause::NotFinite)
-    } else if !(0.0..=limits.oldest_pose_s).contains(&seen.pose_age_s) {
-        Some(Cause::PoseAge)
-    } else {
-        None
-    }
-}
-
-fn largest_wheel(robot: &Robot, twist: &BodyTwist) -> f64 {
-    robot
-        .wheel_speeds(*twist)
-        .wheel_rad_per_s
-        .iter()
-        .fold(0.0, |largest: f64, speed| largest.max(speed.abs()))
-}
-
-fn record(cause: Cause, requested: BodyTwist, applied: BodyTwist) -> Intervention {
-    let change = sub(
-        [requested.forward_m_per_s, requested.left_m_per_s],
-        [applied.forward_m_per_s, applied.left_m_per_s],
-    );
-    let turn = requested.yaw_rate_rad_per_s - applied.yaw_rate_rad_per_s;
-    let finite = |value: f64| if value.is_finite() { value } else { 0.0 };
-    let requested = BodyTwist {
-        forward_m_per_s: finite(requested.forward_m_per_s),
-        left_m_per_s: finite(requested.left_m_per_s),
-        yaw_rate_rad_per_s: finite(requested.yaw_rate_rad_per_s),
-    };
-    Intervention {
-        cause,
-        change_m_per_s: finite(length(change)),
-        change_rad_per_s: finite(turn.abs()),
-        requested,
     }
 }

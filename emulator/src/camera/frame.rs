@@ -1,7 +1,7 @@
 //! One frame as bytes, `docs/camera-stream.md`: a header of 44 bytes, then the pixels.
 
 use super::calibration::MAX_SIDE_PX;
-use super::crc32::crc32;
+use crc32fast::hash as crc32;
 
 pub const MAGIC: [u8; 4] = *b"RBCF";
 pub const VERSION: u8 = 1;

@@ -152,7 +152,7 @@ pub fn png(width: u32, height: u32, pixels: &[u8]) -> Vec<u8> {
         file.extend_from_slice(&(body.len() as u32).to_be_bytes());
         let chunk: Vec<u8> = name.iter().chain(body).copied().collect();
         file.extend_from_slice(&chunk);
-        file.extend_from_slice(&emulator::camera::crc32::crc32(&chunk).to_be_bytes());
+        file.extend_from_slice(&crc32fast::hash(&chunk).to_be_bytes());
     }
     file
 }

@@ -4,6 +4,7 @@ use super::manifest::{self, FileEntry, Manifest, TickJitter};
 use super::mcap::{McapFile, WallClock};
 use super::parquet::TelemetryTable;
 use super::punctuality::Punctuality;
+use super::stages::StageTimes;
 use super::track::{self, Track};
 use crate::journal::JournalReader;
 use crate::record::{End, LogLevel, Record, Start};
@@ -53,8 +54,6 @@ fn write_files(journal_folder: &Path, folder: &Path) -> Result<Manifest, Archive
     };
     let mut files = Files::create(folder, &start)?;
     let mut end = None;
-    // Nothing but the log stands between the start and the motion.
-    let mut prelude = vec![];
     for record in journal.by_ref() {
         if files.tables.is_empty() {
             let start_us = match &record {
@@ -62,24 +61,20 @@ fn write_files(journal_folder: &Path, folder: &Path) -> Result<Manifest, Archive
                 Record::End(_) => Some(start.at_us),
                 _ => None,
             };
-            prelude.push(record.clone());
-            let Some(start_us) = start_us else { continue };
+            let Some(start_us) = start_us else {
+                // Robots on their way to their starts.
+                files.take_before(&record)?;
+                continue;
+            };
             files.open_tables(&start, start_us)?;
-            for record in prelude.drain(..) {
-                files.take(&record)?;
-            }
-        } else {
-            files.take(&record)?;
         }
+        files.take(&record)?;
         if let Record::End(record) = record {
             end = Some(record);
         }
     }
     if files.tables.is_empty() {
         files.open_tables(&start, start.at_us)?;
-        for record in prelude {
-            files.take(&record)?;
-        }
     }
     let whole = !journal.torn() && journal.unreadable() == 0;
     files.finish(&start, end.as_deref(), whole)
@@ -95,6 +90,7 @@ struct Files {
     tables: Vec<TelemetryTable>,
     track: Option<Track>,
     punctuality: Punctuality,
+    stages: StageTimes,
 }
 
 impl Files {
@@ -115,6 +111,7 @@ impl Files {
             tables: Vec::new(),
             track: None,
             punctuality: Punctuality::default(),
+            stages: StageTimes::default(),
         })
     }
 
@@ -147,15 +144,13 @@ impl Files {
         Ok(())
     }
 
-    fn take(&mut self, record: &Record) -> Result<(), ArchiveError> {
-        self.punctuality.take(record);
+    /// Takes a record from before the start: it counts for `run.mcap` and the log, not for the run's figures and tables.
+    fn take_before(&mut self, record: &Record) -> Result<(), ArchiveError> {
         self.mcap.take(record)?;
-        for table in &mut self.tables {
-            table.take(record)?;
-        }
-        if let Some(track) = &mut self.track {
-            track.take(record);
-        }
+        self.take_log(record)
+    }
+
+    fn take_log(&mut self, record: &Record) -> Result<(), ArchiveError> {
         if let Record::Log(line) = record {
             let level = match line.level {
                 LogLevel::Info => "info",
@@ -167,6 +162,19 @@ impl Files {
         Ok(())
     }
 
+    fn take(&mut self, record: &Record) -> Result<(), ArchiveError> {
+        self.punctuality.take(record);
+        self.stages.take(record);
+        self.mcap.take(record)?;
+        for table in &mut self.tables {
+            table.take(record)?;
+        }
+        if let Some(track) = &mut self.track {
+            track.take(record);
+        }
+        self.take_log(record)
+    }
+
     fn wall_text(&self, at_us: i64) -> String {
         let wall = DateTime::<Utc>::from_timestamp_nanos(i64::try_from(self.clock.ns(at_us)).unwrap_or(i64::MAX));
         wall.to_rfc3339_opts(SecondsFormat::Micros, true)
@@ -175,6 +183,7 @@ impl Files {
     fn finish(mut self, start: &Start, end: Option<&End>, whole: bool) -> Result<Manifest, ArchiveError> {
         let (ticks_recorded, ticks_missed) = (self.punctuality.ticks(), self.punctuality.missed());
         let tick_jitter = self.punctuality.finish();
+        let stages = self.stages.finish();
         write_ending(&mut self.log, end, whole)?;
         write_jitter(&mut self.log, ticks_recorded, ticks_missed, &tick_jitter)?;
         self.log.flush()?;
@@ -203,6 +212,7 @@ impl Files {
             ticks_recorded,
             ticks_missed,
             tick_jitter,
+            stages,
         };
         write_json(&self.folder.join(manifest::FILE_NAME), &manifest)?;
         for robot in &start.assignment.robots {

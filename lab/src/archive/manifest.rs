@@ -1,5 +1,6 @@
 //! `manifest.json`: what an archive holds, whether it is all there, and how punctual the loop was.
 
+use super::stages::Stages;
 use crate::realtime::Realtime;
 use api::run::{Fault, RunState};
 use serde::{Deserialize, Serialize};
@@ -32,6 +33,9 @@ pub struct Manifest {
     pub ticks_recorded: i64,
     pub ticks_missed: i64,
     pub tick_jitter: TickJitter,
+    /// How long each stage from light to command took.
+    #[serde(default)]
+    pub stages: Stages,
 }
 
 /// One file of the archive.

@@ -6,6 +6,7 @@ pub mod manifest;
 pub mod mcap;
 pub mod parquet;
 mod punctuality;
+mod stages;
 pub mod track;
 
 pub use bundle::{ArchiveError, build};

@@ -38,6 +38,11 @@ pub fn milliseconds(value_ms: f64) -> String {
     format!("{value_ms:.0} ms")
 }
 
+/// For times that are a few milliseconds long.
+pub fn fine_milliseconds(value_ms: f64) -> String {
+    format!("{value_ms:.1} ms")
+}
+
 /// A length of time: `4.2 s`, `1 min 05 s`.
 pub fn seconds(value_s: f64) -> String {
     if value_s < 60.0 {

@@ -17,6 +17,34 @@ use crate::{paths, sys};
 
 const HEALTH_LIMIT: Duration = Duration::from_secs(2);
 
+const TRACKER_SOCKET: &str = "tracker.sock";
+const HAND_SOCKET: &str = "hand.sock";
+
+/// A camera of the reference laboratory and the process beside it.
+struct Camera {
+    /// Of the process.
+    name: &'static str,
+    calibration: &'static str,
+    /// Sockets of its pictures and of the poses found in them.
+    frames: &'static str,
+    poses: &'static str,
+}
+
+const CAMERAS: [Camera; 2] = [
+    Camera {
+        name: "camera-0",
+        calibration: "examples/lab/cameras/cam-0.json",
+        frames: "camera-0.sock",
+        poses: "camera-0.poses.sock",
+    },
+    Camera {
+        name: "camera-1",
+        calibration: "examples/lab/cameras/cam-1.json",
+        frames: "camera-1.sock",
+        poses: "camera-1.poses.sock",
+    },
+];
+
 /// Everything needed to start the processes, again and again.
 pub struct Programs {
     data: PathBuf,
@@ -27,6 +55,7 @@ pub struct Programs {
     cluster: Option<Cluster>,
     database_url: String,
     with_lab: bool,
+    with_tracker: bool,
 }
 
 impl Programs {
@@ -37,6 +66,7 @@ impl Programs {
         cluster: Option<Cluster>,
         own_database: Option<String>,
         no_lab: bool,
+        with_tracker: bool,
     ) -> Result<Self> {
         let database_url = match (&cluster, own_database) {
             (Some(cluster), _) => cluster.url(),
@@ -52,6 +82,7 @@ impl Programs {
             cluster,
             database_url,
             with_lab: !no_lab,
+            with_tracker,
         };
         programs.check()?;
         if programs.with_lab {
@@ -62,7 +93,7 @@ impl Programs {
 
     fn check(&self) -> Result<()> {
         let lab: &[&str] = if self.with_lab {
-            &["robopheus-emulator", "robopheus-lab"]
+            &["robopheus-emulator", "robopheus-camera", "robopheus-lab"]
         } else {
             &[]
         };
@@ -102,7 +133,7 @@ impl Programs {
                 name: "postgres",
                 command: Box::new(move || cluster.clear_leftovers().map(|()| cluster.server_command())),
                 stop: StopWay {
-                    rank: 5,
+                    rank: 6,
                     ask: libc::SIGINT,
                     insist: libc::SIGQUIT,
                     patience: Duration::from_millis(2500),
@@ -110,10 +141,13 @@ impl Programs {
                 on_our_death: libc::SIGINT,
             });
         }
-        plans.push(self.plan("server", 4, 1500, Self::server));
-        plans.push(self.plan("scheduler", 3, 1500, Self::scheduler));
+        plans.push(self.plan("server", 5, 1500, Self::server));
+        plans.push(self.plan("scheduler", 4, 1500, Self::scheduler));
         if self.with_lab {
-            plans.push(self.plan("emulator", 2, 1000, Self::emulator));
+            plans.push(self.plan("emulator", 3, 1000, Self::emulator));
+            if !self.with_tracker {
+                plans.extend(CAMERAS.iter().map(|camera| self.camera_plan(camera)));
+            }
             plans.push(self.plan("lab", 1, 3000, Self::lab));
         }
         Ok(plans)
@@ -128,6 +162,20 @@ impl Programs {
                 ask: libc::SIGTERM,
                 insist: libc::SIGKILL,
                 patience: Duration::from_millis(patience_ms),
+            },
+            on_our_death: libc::SIGKILL,
+        }
+    }
+
+    fn camera_plan(&self, camera: &'static Camera) -> Plan<'_> {
+        Plan {
+            name: camera.name,
+            command: Box::new(move || Ok(self.camera(camera))),
+            stop: StopWay {
+                rank: 2,
+                ask: libc::SIGTERM,
+                insist: libc::SIGKILL,
+                patience: Duration::from_millis(500),
             },
             on_our_death: libc::SIGKILL,
         }
@@ -168,6 +216,28 @@ impl Programs {
         self.remove_sockets();
         let mut command = self.command("robopheus-emulator");
         self.add_robot_flags(&mut command);
+        if self.with_tracker {
+            command.arg("--tracker").arg(self.socket(TRACKER_SOCKET));
+        } else {
+            for camera in &CAMERAS {
+                let mut value = paths::root().join(camera.calibration).into_os_string();
+                value.push(",");
+                value.push(self.socket(camera.frames));
+                command.arg("--camera").arg(value);
+            }
+        }
+        command
+    }
+
+    fn camera(&self, camera: &Camera) -> Command {
+        fs::remove_file(self.socket(camera.poses)).ok();
+        let mut command = self.command("robopheus-camera");
+        command
+            .arg("serve")
+            .arg("--calibration")
+            .arg(paths::root().join(camera.calibration));
+        command.arg("--frames").arg(self.socket(camera.frames));
+        command.arg("--poses").arg(self.socket(camera.poses));
         command
     }
 
@@ -186,6 +256,13 @@ impl Programs {
             .arg("--stop-listen")
             .arg(format!("127.0.0.1:{}", self.ports.lab_stop));
         self.add_robot_flags(&mut command);
+        if self.with_tracker {
+            command.arg("--tracker").arg(self.socket(TRACKER_SOCKET));
+        } else {
+            for camera in &CAMERAS {
+                command.arg("--camera").arg(self.socket(camera.poses));
+            }
+        }
         command
     }
 
@@ -198,11 +275,7 @@ impl Programs {
         command
             .arg("--robot-udp-base")
             .arg(self.ports.robot_udp_base.to_string());
-        command
-            .arg("--tracker")
-            .arg(self.socket("tracker.sock"))
-            .arg("--hand")
-            .arg(self.socket("hand.sock"));
+        command.arg("--hand").arg(self.socket(HAND_SOCKET));
     }
 
     fn keys_file(&self) -> PathBuf {
@@ -213,9 +286,10 @@ impl Programs {
         self.socket_folder.join(name)
     }
 
-    /// Removes the emulator's sockets, which nobody listens on any more.
+    /// Removes the laboratory's sockets, which nobody listens on any more.
     pub fn remove_sockets(&self) {
-        for name in ["tracker.sock", "hand.sock"] {
+        let cameras = CAMERAS.iter().flat_map(|camera| [camera.frames, camera.poses]);
+        for name in [TRACKER_SOCKET, HAND_SOCKET].into_iter().chain(cameras) {
             fs::remove_file(self.socket(name)).ok();
         }
     }
@@ -225,7 +299,11 @@ impl Programs {
         match name {
             "postgres" => self.cluster.as_ref().is_none_or(Cluster::is_ready),
             "server" => is_healthy(self.ports.server),
-            "emulator" => self.socket("tracker.sock").exists() && self.socket("hand.sock").exists(),
+            "emulator" => self.socket(HAND_SOCKET).exists(),
+            name if name.starts_with("camera-") => CAMERAS
+                .iter()
+                .filter(|camera| camera.name == name)
+                .all(|camera| self.socket(camera.poses).exists()),
             "lab" => self.data.join("lab-stop.addr").is_file(),
             _ => true,
         }

@@ -5,11 +5,13 @@ use crate::error_measure::path;
 use crate::pages::words;
 use crate::state::State;
 use crate::theme::{self, Tone};
-use api::live::LiveRobot;
+use api::live::{LiveRobot, LiveStages};
 use api::run::RunView;
 
 /// Length of a trail, seconds of the run.
 const TRAIL_S: f64 = 20.0;
+/// Live frames in the means of the stages: one second.
+const STAGE_FRAMES: usize = 20;
 /// Ages above these are worth a colour.
 const LINK_LATE_MS: f64 = 50.0;
 const LINK_LOST_MS: f64 = 100.0;
@@ -138,6 +140,32 @@ pub fn facts(state: &State) -> Vec<(String, String)> {
         ("Tick".to_owned(), last.tick.max(0).to_string()),
         ("Missed ticks".to_owned(), last.ticks_missed.to_string()),
     ]
+}
+
+/// How long each stage from light to command takes, means of the last second; empty before the first picture.
+pub fn stages(state: &State) -> Vec<(String, String)> {
+    let frames = state.live.frames.iter().rev().take(STAGE_FRAMES);
+    let known: Vec<_> = frames.filter_map(|frame| frame.stages).collect();
+    let pictures: u32 = known.iter().map(|stages| stages.pictures).sum();
+    if pictures == 0 {
+        return Vec::new();
+    }
+    let mean = |part: fn(&LiveStages) -> f64| {
+        let weighted = known.iter().map(|stages| part(stages) * f64::from(stages.pictures));
+        weighted.sum::<f64>() / f64::from(pictures)
+    };
+    let parts = [
+        ("Camera", mean(|stages| stages.camera_ms)),
+        ("Finding tags", mean(|stages| stages.locate_ms)),
+        ("Fusion", mean(|stages| stages.fuse_ms)),
+        ("Waiting for tick", mean(|stages| stages.wait_ms)),
+        ("Law and filter", mean(|stages| stages.control_ms)),
+        ("Robot link", mean(|stages| stages.link_ms)),
+    ];
+    let sum = parts.iter().map(|(_, ms)| ms).sum();
+    let all = parts.into_iter().chain([("Light to robot", sum)]);
+    all.map(|(name, ms)| (name.to_owned(), theme::fine_milliseconds(ms)))
+        .collect()
 }
 
 /// Says how fresh the picture is.

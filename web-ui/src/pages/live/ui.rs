@@ -63,6 +63,13 @@ pub fn show(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) 
 fn side(ui: &mut Ui, state: &State, run: &api::run::RunView, palette: &Palette) {
     ui.add_space(theme::GAP);
     parts::facts(ui, palette, "live facts", &data::facts(state));
+    let stages = data::stages(state);
+    if !stages.is_empty() {
+        ui.add_space(theme::GAP);
+        parts::section(ui, "From light to robot");
+        ui.add_space(theme::GAP / 2.0);
+        parts::facts(ui, palette, "live stages", &stages);
+    }
     ui.add_space(theme::GAP);
     for robot in data::robots(state, run) {
         parts::card(ui, palette, |ui| {

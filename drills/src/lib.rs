@@ -1,0 +1,18 @@
+//! The laboratory without a clock: the lab's own pilot, fusion and link code against the emulator's own plant and firmware,
+//! in virtual time. Faults and hostile numbers go in between, where the air and the light are.
+//!
+//! ```text
+//! plant 480 Hz -> poses (error, delay, loss) -> fusion -> pilot 120 Hz -> frames (delay, loss, copies) -> firmware
+//!                                                  ^------------------- telemetry (the same air) <-----------'
+//! ```
+
+mod air;
+mod light;
+mod rig;
+mod scene;
+pub mod sight;
+
+pub use air::{Air, AirSettings};
+pub use light::{Light, LightSettings};
+pub use rig::{Rig, RigSettings, Separation};
+pub use scene::{Scene, SceneRobot};

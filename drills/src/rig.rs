@@ -1,0 +1,473 @@
+//! The closed loop in virtual time.
+
+use crate::{Air, AirSettings, Light, LightSettings, Scene};
+use anyhow::{Result, anyhow};
+use control::safety::SafeCommand;
+use control::team::Team;
+use emulator::Laboratory;
+use emulator::hidden::Hidden;
+use emulator::keys::Keys;
+use emulator::laboratory::Placement;
+use lab::commander::{Commander, Order, Sent, Still};
+use lab::ear::Ear;
+use lab::estimator::{PoseSample, PoseTrack};
+use lab::localisation::Fuser;
+use lab::pilot::{Outlet, Pilot, PilotRobot};
+use lab::record::{Record, Telemetry};
+use lab::robot_limits::RobotLimits;
+use lab::safety::{Ending, Signals};
+use robot::frame::TELEMETRY_MAX_CHARACTERS;
+use robot::key::Key;
+
+/// Any key does: nobody else is in the air.
+const KEY_HEX: &str = "000102030405060708090a0b0c0d0e0f";
+/// When the virtual world begins.
+const BEGIN_US: i64 = 50_000_000;
+const PLANT_HZ: i64 = 480;
+const PLANT_TICKS_PER_TICK: i64 = 4;
+/// Frames without motion before the run: clocks get known, robots get seen.
+const PREPARE_TICKS: i64 = 60;
+
+/// Everything outside the laboratory's own code.
+#[derive(Debug, Clone)]
+pub struct RigSettings {
+    pub seed: u64,
+    pub hidden: Hidden,
+    pub light: LightSettings,
+    /// Laboratory to robots, and back.
+    pub up: AirSettings,
+    pub down: AirSettings,
+    /// Quarter of the control period by which the loop's ticks are shifted against the plant's pictures, 0 to 3.
+    pub phase: i64,
+}
+
+impl Default for RigSettings {
+    fn default() -> Self {
+        Self {
+            seed: 1,
+            hidden: Hidden::neutral(),
+            light: LightSettings::default(),
+            up: AirSettings::default(),
+            down: AirSettings::default(),
+            phase: 0,
+        }
+    }
+}
+
+/// Smallest distances of a drill, bounding circle to bounding circle or wall; negative is a collision.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Separation {
+    pub robots_m: f64,
+    pub walls_m: f64,
+}
+
+/// See the module.
+#[derive(Debug)]
+pub struct Rig {
+    pub laboratory: Laboratory,
+    pub light: Light,
+    pub up: Air,
+    pub down: Air,
+    /// What the loop is told from outside.
+    pub signals: Signals,
+    /// Everything the laboratory wrote down, unless [`Self::keep_records`] is off.
+    pub records: Vec<Record>,
+    pub keep_records: bool,
+    pilot: Pilot,
+    commanders: Vec<Commander>,
+    /// Robot's clock in its newest frame.
+    heard_ms: Vec<u32>,
+    ears: Vec<Ear>,
+    fuser: Fuser,
+    key: Key,
+    numbers: Vec<u8>,
+    radii_m: Vec<f64>,
+    arena_m: [f64; 2],
+    phase: i64,
+    plant_ticks: i64,
+    motion_plant_tick: i64,
+    separation: Separation,
+    ended: Option<Ending>,
+}
+
+/// The link as the pilot sees it.
+struct Voice<'a> {
+    commanders: &'a mut [Commander],
+    heard_ms: &'a [u32],
+    up: &'a mut Air,
+    now_us: i64,
+}
+
+impl Voice<'_> {
+    fn say(&mut self, place: usize, order: Order<'_>, tick: u32) -> Sent {
+        let heard_ms = self.heard_ms.get(place).copied().unwrap_or_default();
+        let Some(commander) = self.commanders.get_mut(place) else {
+            return Sent::nothing();
+        };
+        let (frame, sent) = commander.frame(order, tick, self.now_us, heard_ms);
+        self.up.send(place, frame.as_bytes(), self.now_us);
+        sent
+    }
+}
+
+impl Outlet for Voice<'_> {
+    fn drive(&mut self, place: usize, command: &SafeCommand, tick: u32) -> Sent {
+        self.say(place, Order::Drive(command), tick)
+    }
+
+    fn still(&mut self, place: usize, still: Still, tick: u32) -> Sent {
+        self.say(place, Order::Still(still), tick)
+    }
+}
+
+impl Rig {
+    /// Robots stand at their starts, are seen and heard; the next tick is the first of the run.
+    pub fn new(scene: &Scene, settings: &RigSettings) -> Result<Self> {
+        let scenario = scene.scenario()?;
+        let problems = |problems: Vec<control::scenario::FieldProblem>| anyhow!("{problems:?}");
+        let team = Team::new(&scenario).map_err(problems)?;
+        let limits: Vec<RobotLimits> = control::team::robots(&scenario)
+            .map_err(problems)?
+            .iter()
+            .map(RobotLimits::of)
+            .collect();
+        let robots = scene.robots()?;
+        let keys: Vec<String> = (1..=250).map(|number| format!("\"{number}\":\"{KEY_HEX}\"")).collect();
+        let keys = Keys::parse(&format!("{{{}}}", keys.join(",")))?;
+        let key = Key::from_hex(KEY_HEX).ok_or_else(|| anyhow!("the key is no key"))?;
+        // Only the robots of the run, in its order.
+        let mut description = scene.laboratory.clone();
+        description.robots = robots.iter().map(|robot| (*robot).clone()).collect();
+        let mut laboratory = Laboratory::new(&description, settings.hidden.clone(), &keys, settings.seed)?;
+        let starts = scenario.experiment.robots.iter().zip(&robots);
+        let placements: Vec<Placement> = starts
+            .map(|(wanted, robot)| Placement {
+                number: robot.number,
+                x_m: wanted.start.x_m,
+                y_m: wanted.start.y_m,
+                yaw_rad: wanted.start.yaw_rad,
+            })
+            .collect();
+        laboratory.place(&placements)?;
+        let driven = |robot: &api::robot::RobotDescription| {
+            let wheels = robot.wheels.iter().enumerate();
+            wheels
+                .filter(|(_, wheel)| wheel.driven)
+                .map(|(place, _)| place)
+                .collect()
+        };
+        let duration_ticks = (scenario.experiment.duration_s * 120.0).round() as i64;
+        let mut rig = Self {
+            laboratory,
+            light: Light::new(settings.light, robots.len(), settings.seed),
+            up: Air::new(settings.up, settings.seed, 1),
+            down: Air::new(settings.down, settings.seed, 2),
+            signals: Signals {
+                protective_stop: false,
+                shutdown: false,
+                stale_epoch: false,
+                cancel: false,
+                lease_until_us: i64::MAX,
+                recorder_failed: false,
+            },
+            records: Vec::new(),
+            keep_records: true,
+            commanders: robots
+                .iter()
+                .map(|robot| Commander::new(robot.number, key, driven(&robot.description), 1, 1))
+                .collect(),
+            heard_ms: vec![0; robots.len()],
+            ears: vec![Ear::default(); robots.len()],
+            fuser: Fuser::new(1)?,
+            key,
+            numbers: robots.iter().map(|robot| robot.number).collect(),
+            radii_m: robots.iter().map(|robot| robot.bounding_radius_m).collect(),
+            arena_m: [scene.laboratory.arena.width_m, scene.laboratory.arena.height_m],
+            phase: settings.phase.rem_euclid(PLANT_TICKS_PER_TICK),
+            plant_ticks: 0,
+            motion_plant_tick: 0,
+            separation: Separation {
+                robots_m: f64::INFINITY,
+                walls_m: f64::INFINITY,
+            },
+            ended: None,
+            // Replaced below, once the robots are seen.
+            pilot: Pilot::new(Team::new(&scenario).map_err(problems)?, Vec::new(), 0, BEGIN_US),
+        };
+        let seen = rig.prepare(&limits)?;
+        rig.pilot = Pilot::new(team, seen, duration_ticks, rig.now_us());
+        rig.motion_plant_tick = rig.plant_ticks;
+        Ok(rig)
+    }
+
+    /// Microseconds of the laboratory's clock.
+    pub fn now_us(&self) -> i64 {
+        BEGIN_US + self.plant_ticks * 1_000_000 / PLANT_HZ
+    }
+
+    /// Control ticks since the motion began.
+    pub fn slot(&self) -> i64 {
+        (self.plant_ticks - self.motion_plant_tick) / PLANT_TICKS_PER_TICK
+    }
+
+    /// How the run ended; `None` while it goes on.
+    pub fn ended(&self) -> Option<Ending> {
+        self.ended
+    }
+
+    /// Smallest distances since the motion began.
+    pub fn separation(&self) -> Separation {
+        self.separation
+    }
+
+    pub fn pilot(&self) -> &Pilot {
+        &self.pilot
+    }
+
+    /// To make frames of one's own: what a forger or an old laboratory would send.
+    pub fn commander(&self, place: usize) -> Option<&Commander> {
+        self.commanders.get(place)
+    }
+
+    /// True poses, x, y, yaw.
+    pub fn poses(&self) -> Vec<[f64; 3]> {
+        let units = self.laboratory.units().iter();
+        units
+            .map(|unit| {
+                unit.on_floor().map_or([f64::NAN; 3], |body| {
+                    let pose = body.pose();
+                    [pose.x_m, pose.y_m, pose.yaw_rad]
+                })
+            })
+            .collect()
+    }
+
+    /// True speed of a robot, m/s.
+    pub fn speed_m_per_s(&self, place: usize) -> f64 {
+        let body = self.laboratory.units().get(place).and_then(|unit| unit.on_floor());
+        body.map_or(0.0, |body| {
+            let [vx, vy] = body.velocity_m_per_s();
+            vx.hypot(vy)
+        })
+    }
+
+    /// One control tick and the plant's ticks after it; `true` while the run goes on.
+    pub fn tick(&mut self) -> bool {
+        if self.ended.is_some() {
+            return false;
+        }
+        let now_us = self.now_us();
+        let slot = self.slot();
+        self.receive(now_us);
+        let mut voice = Voice {
+            commanders: &mut self.commanders,
+            heard_ms: &self.heard_ms,
+            up: &mut self.up,
+            now_us,
+        };
+        self.ended = self
+            .pilot
+            .tick(slot, now_us, self.signals, &mut voice, &mut self.records);
+        if !self.keep_records {
+            self.records.clear();
+        }
+        self.plant_ticks();
+        self.ended.is_none()
+    }
+
+    /// Ticks until the run ends, at most for `seconds`.
+    pub fn run_for(&mut self, seconds: f64) {
+        let ticks = (seconds * 120.0).round() as i64;
+        for _ in 0..ticks {
+            if !self.tick() {
+                return;
+            }
+        }
+    }
+
+    /// The world goes on without the laboratory's process: killed, stopped or asleep.
+    pub fn sleep_for(&mut self, seconds: f64) {
+        for _ in 0..(seconds * 120.0).round() as i64 {
+            self.plant_ticks();
+        }
+    }
+
+    fn prepare(&mut self, limits: &[RobotLimits]) -> Result<Vec<PilotRobot>> {
+        let mut tracks: Vec<PoseTrack> = limits.iter().map(|limits| PoseTrack::new(limits.motion)).collect();
+        let mut telemetry: Vec<Option<Telemetry>> = vec![None; limits.len()];
+        for _ in 0..PREPARE_TICKS {
+            let now_us = self.now_us();
+            let Self {
+                light,
+                fuser,
+                down,
+                ears,
+                heard_ms,
+                key,
+                numbers,
+                ..
+            } = self;
+            light.deliver(now_us, |sighting| {
+                let frame = fuser.take(0, sighting, now_us);
+                for pose in frame.iter().flat_map(|frame| &frame.poses) {
+                    let place = numbers.iter().position(|number| *number == pose.number);
+                    if let Some(track) = place.and_then(|place| tracks.get_mut(place)) {
+                        let sample = PoseSample {
+                            exposure_us: sighting.observation.exposure_us,
+                            x_m: pose.x_m,
+                            y_m: pose.y_m,
+                            yaw_rad: pose.yaw_rad,
+                        };
+                        track.observe(sample, pose.velocity);
+                    }
+                }
+            });
+            down.deliver(now_us, |place, bytes| {
+                if let (Some(ear), Some(slot)) = (ears.get_mut(place), telemetry.get_mut(place))
+                    && let Ok(heard) = ear.hear(bytes, key, now_us)
+                {
+                    if let Some(heard_ms) = heard_ms.get_mut(place) {
+                        *heard_ms = heard.robot_clock_ms;
+                    }
+                    *slot = Some(heard);
+                }
+            });
+            let mut voice = Voice {
+                commanders: &mut self.commanders,
+                heard_ms: &self.heard_ms,
+                up: &mut self.up,
+                now_us,
+            };
+            for place in 0..limits.len() {
+                voice.still(place, Still::Release, 0);
+            }
+            self.plant_ticks();
+        }
+        let parts = tracks.into_iter().zip(telemetry).zip(limits).zip(&self.numbers);
+        parts
+            .map(|(((track, telemetry), limits), number)| {
+                let telemetry = telemetry.ok_or_else(|| anyhow!("robot {number} does not answer"))?;
+                if track.newest().is_none() {
+                    return Err(anyhow!("robot {number} is not seen"));
+                }
+                let name = format!("robot {number}");
+                Ok(PilotRobot::new(*number, name, track, telemetry, limits.wheel_radius_m))
+            })
+            .collect()
+    }
+
+    /// Poses and telemetry that have arrived.
+    fn receive(&mut self, now_us: i64) {
+        let Self {
+            light,
+            fuser,
+            down,
+            ears,
+            heard_ms,
+            key,
+            pilot,
+            records,
+            ..
+        } = self;
+        light.deliver(now_us, |sighting| {
+            if let Some(frame) = fuser.take(0, sighting, now_us) {
+                pilot.see(&frame, now_us, records);
+            }
+        });
+        down.deliver(now_us, |place, bytes| {
+            if let Some(ear) = ears.get_mut(place)
+                && let Ok(telemetry) = ear.hear(bytes, key, now_us)
+            {
+                if let Some(heard_ms) = heard_ms.get_mut(place) {
+                    *heard_ms = telemetry.robot_clock_ms;
+                }
+                pilot.hear(telemetry, records);
+            }
+        });
+    }
+
+    /// Plant and firmware for one control period.
+    fn plant_ticks(&mut self) {
+        for part in 0..PLANT_TICKS_PER_TICK {
+            self.plant_ticks += 1;
+            let now_us = self.now_us();
+            let Self { up, laboratory, .. } = self;
+            up.deliver(now_us, |place, bytes| {
+                if let Some(unit) = laboratory.unit_mut(place) {
+                    unit.receive(bytes, now_us);
+                }
+            });
+            self.laboratory.tick(now_us);
+            self.measure();
+            if part == self.phase {
+                self.look_and_report(now_us);
+            }
+        }
+    }
+
+    /// A picture, and telemetry of every robot.
+    fn look_and_report(&mut self, now_us: i64) {
+        let tick = self.plant_ticks / PLANT_TICKS_PER_TICK;
+        if tick % self.light.settings.ticks_per_picture.max(1) == 0 {
+            let poses: Vec<(u16, [f64; 3])> = self
+                .numbers
+                .iter()
+                .map(|number| u16::from(*number))
+                .zip(self.poses())
+                .filter(|(_, pose)| pose.iter().all(|part| part.is_finite()))
+                .collect();
+            self.light.expose(now_us, &poses);
+        }
+        for place in 0..self.numbers.len() {
+            let mut out = [0; TELEMETRY_MAX_CHARACTERS];
+            let Some(unit) = self.laboratory.unit_mut(place) else {
+                continue;
+            };
+            let length = unit.telemetry(now_us, &mut out);
+            if let Some(bytes) = out.get(..length).filter(|bytes| !bytes.is_empty()) {
+                self.down.send(place, bytes, now_us);
+            }
+        }
+    }
+
+    fn measure(&mut self) {
+        let poses = self.poses();
+        let [width_m, height_m] = self.arena_m;
+        for (i, ([x, y, _], radius_m)) in poses.iter().zip(&self.radii_m).enumerate() {
+            let wall_m = (width_m / 2.0 - x.abs()).min(height_m / 2.0 - y.abs()) - radius_m;
+            self.separation.walls_m = self.separation.walls_m.min(wall_m);
+            for ([ox, oy, _], other_radius_m) in poses.iter().zip(&self.radii_m).skip(i + 1) {
+                let gap_m = (x - ox).hypot(y - oy) - radius_m - other_radius_m;
+                self.separation.robots_m = self.separation.robots_m.min(gap_m);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::SceneRobot;
+
+    #[test]
+    fn four_robots_swap_corners_and_end_where_they_should() {
+        let corners = [[-1.2, -0.8], [1.2, -0.8], [1.2, 0.8], [-1.2, 0.8]];
+        let robots: Vec<SceneRobot> = (0..4)
+            .map(|k| SceneRobot {
+                start: [corners[k][0], corners[k][1], 0.0],
+                goal: corners[(k + 2) % 4],
+            })
+            .collect();
+        let scene = Scene::new("omni4", &robots, 40.0).expect("a scene");
+        let mut rig = Rig::new(&scene, &RigSettings::default()).expect("a rig");
+        rig.run_for(45.0);
+        assert_eq!(rig.ended(), Some(Ending::Finished));
+        for (pose, robot) in rig.poses().iter().zip(&robots) {
+            let off_m = (pose[0] - robot.goal[0]).hypot(pose[1] - robot.goal[1]);
+            assert!(off_m < 0.05, "{off_m} m from the goal");
+        }
+        let Separation { robots_m, walls_m } = rig.separation();
+        println!("separation: robots {robots_m:.3} m, walls {walls_m:.3} m");
+        assert!(robots_m > 0.0 && walls_m > 0.0);
+    }
+}

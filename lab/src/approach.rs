@@ -1,0 +1,118 @@
+//! Robots drive themselves to their starts, through the same safety filter as the run.
+
+use crate::commander::Still;
+use crate::lab::Lab;
+use crate::lease::Lease;
+use crate::link::HeldPort;
+use crate::loop_120hz::{LoopEnd, LoopResult, Setup};
+use crate::record::LogLevel;
+use crate::recorder::RecorderHandle;
+use crate::run::{self, Conclusion};
+use crate::safety::Ending;
+use crate::schedule::TICK_HZ;
+use api::experiment::Pose;
+use api::lab::Assignment;
+use control::scenario::Scenario;
+use control::team::Team;
+use serde_json::json;
+use std::sync::Arc;
+
+/// Ticks of the approach are numbered from here, so that they are negative as everything before the start.
+pub const FIRST_TICK: i64 = -1_000_000;
+/// Robots that are not at their starts by then are carried there.
+const TIME_LIMIT_S: f64 = 40.0;
+
+/// What came of it.
+pub enum Approach {
+    /// The robots stand where they drove to.
+    Arrived(Vec<HeldPort>),
+    /// They could not get there by themselves; the words say why.
+    Stuck(Vec<HeldPort>, String),
+}
+
+/// Drives all robots of the run from where they are seen to their starts.
+///
+/// - `ports`: in the order of the experiment.
+/// - Errors: what ended the run meanwhile: a stop, a lost lease, a silent robot.
+pub async fn drive(
+    lab: &Arc<Lab>,
+    assignment: &Assignment,
+    lease: &Arc<Lease>,
+    recorder: &RecorderHandle,
+    mut ports: Vec<HeldPort>,
+) -> Result<Approach, Conclusion> {
+    let team = match team(lab, assignment) {
+        Ok(team) => team,
+        Err(why) => return Ok(Approach::Stuck(ports, why)),
+    };
+    let limits = run::limits(assignment)?;
+    let (poses, telemetry) = (lab.localisation.listen(), lab.link.listen());
+    let robots = match run::pilot_robots(lab, &ports, &limits) {
+        Ok(robots) => robots,
+        Err(conclusion) => {
+            ports.iter_mut().for_each(|port| {
+                port.still(Still::Rest, 0);
+            });
+            return Err(conclusion);
+        }
+    };
+    recorder.log(LogLevel::Info, "robots drive to their starts");
+    let setup = Setup {
+        team,
+        robots,
+        ports,
+        poses,
+        telemetry,
+        recorder: recorder.clone(),
+        signals: run::signals(lab, lease, recorder),
+        duration_ticks: (TIME_LIMIT_S * TICK_HZ as f64).round() as i64,
+        first_tick: FIRST_TICK,
+    };
+    let LoopEnd { result, ports } = run::run_loop(setup).await?;
+    let LoopResult { ending, ticks, .. } = result;
+    let names: Vec<_> = names(assignment);
+    match ending {
+        Ending::Finished if ticks < (TIME_LIMIT_S * TICK_HZ as f64) as i64 => Ok(Approach::Arrived(ports)),
+        Ending::Finished => Ok(Approach::Stuck(ports, format!("not there within {TIME_LIMIT_S} s"))),
+        ending => Err(Conclusion::of(ending, &names)),
+    }
+}
+
+fn names(assignment: &Assignment) -> Vec<String> {
+    let robots = assignment.experiment.robots.iter();
+    robots.map(|robot| robot.name.clone()).collect()
+}
+
+/// The experiment's robots with where they are as starts and their starts as goals.
+fn team(lab: &Lab, assignment: &Assignment) -> Result<Team, String> {
+    let mut experiment = assignment.experiment.clone();
+    let mut targets = Vec::with_capacity(experiment.robots.len());
+    for (wanted, robot) in experiment.robots.iter_mut().zip(&assignment.robots) {
+        let Pose { x_m, y_m, yaw_rad } = wanted.start;
+        targets.push(json!({"robot": wanted.name, "x_m": x_m, "y_m": y_m, "yaw_rad": yaw_rad}));
+        let (pose, _) = lab
+            .localisation
+            .pose(robot.number)
+            .ok_or_else(|| format!("{} is not seen", wanted.name))?;
+        wanted.start = Pose {
+            x_m: pose.x_m,
+            y_m: pose.y_m,
+            yaw_rad: pose.yaw_rad,
+        };
+    }
+    let mut document = json!({
+        "experiment": experiment,
+        "robots": assignment.robots,
+        "arena": assignment.arena,
+    });
+    document["experiment"]["control"] = json!({"law": control::law::GO_TO_POSE, "parameters": {}});
+    document["experiment"]["targets"] = json!(targets);
+    let words = |problems: Vec<control::scenario::FieldProblem>| {
+        let first = problems.into_iter().next();
+        first.map_or_else(String::new, |problem| format!("{}: {}", problem.field, problem.message))
+    };
+    let scenario = Scenario::from_json(&document.to_string()).map_err(words)?;
+    // The rules for starts are for people who choose them; the robots stand where they stand.
+    let law = control::law::build(&scenario).ok_or_else(|| "no law takes these robots to a pose".to_owned())?;
+    Team::with_law(&scenario, law).map_err(words)
+}
