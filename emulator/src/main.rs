@@ -64,18 +64,18 @@ struct Settings {
     seed: u64,
 }
 
-fn medium(name: &str) -> Result<MediumKind, String> {
-    MediumProfile::named(name).map(|profile| profile.kind).ok_or_else(|| {
-        let names: Vec<_> = MediumProfile::all().iter().map(|profile| profile.name).collect();
-        format!("choose one of {}", names.join(", "))
-    })
-}
-
 fn calibration_and_socket(text: &str) -> Result<(PathBuf, PathBuf), String> {
     let (calibration, socket) = text
         .split_once(',')
         .ok_or("give calibration file and socket with a comma between")?;
     Ok((calibration.into(), socket.into()))
+}
+
+fn medium(name: &str) -> Result<MediumKind, String> {
+    MediumProfile::named(name).map(|profile| profile.kind).ok_or_else(|| {
+        let names: Vec<_> = MediumProfile::all().iter().map(|profile| profile.name).collect();
+        format!("choose one of {}", names.join(", "))
+    })
 }
 
 fn main() -> anyhow::Result<()> {

@@ -7,7 +7,6 @@ use api::experiment::Pose;
 use api::lab::LabDescription;
 use bench::{Bench, forward, reference, wheels};
 use emulator::Laboratory;
-use emulator::camera::{CameraSet, CameraSettings};
 use emulator::hidden::Hidden;
 
 fn at(x_m: f64, y_m: f64, yaw_rad: f64) -> Pose {
@@ -142,7 +141,8 @@ fn what_the_plant_cannot_have_is_refused() {
     let post = with(pillar(Shape::Circle { radius_m: 0.12 }, at(0.5, 0.0, 0.0)));
     let mut laboratory = Laboratory::new(&post, Hidden::neutral(), &bench::keys(), 1).unwrap();
     let line = br#"{"place":[{"number":1,"x_m":0.2,"y_m":0,"yaw_rad":0}]}"#;
-    let mut cameras = CameraSet::start(&[], &CameraSettings::default(), 60.0, 0).unwrap();
+    let mut cameras =
+        emulator::camera::CameraSet::start(&[], &emulator::camera::CameraSettings::default(), 60.0, 0).unwrap();
     let reply = String::from_utf8(emulator::hand::answer(line, &mut laboratory, &mut cameras)).unwrap();
     assert!(reply.contains("fixed obstacle"), "{reply}");
 }

@@ -123,7 +123,7 @@ fn free_udp_base() -> u16 {
         let held: Vec<_> = (0..=ROBOTS)
             .filter_map(|number| UdpSocket::bind(("127.0.0.1", base.checked_add(number)?)).ok())
             .collect();
-        if held.len() == usize::from(ROBOTS) + 1 {
+        if held.len() == 1 + usize::from(ROBOTS) {
             return base;
         }
     }
