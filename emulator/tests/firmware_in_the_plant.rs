@@ -290,3 +290,25 @@ fn the_hand_refuses_what_cannot_stand() {
         "a refused request changes nothing"
     );
 }
+
+#[test]
+fn every_robot_of_the_reference_laboratory_hides_something() {
+    let (hidden, neutral) = (hidden(), emulator::hidden::HiddenRobot::default());
+    for robot in &reference().robots {
+        let name = &robot.description.name;
+        let own = hidden
+            .robots
+            .get(name)
+            .unwrap_or_else(|| panic!("{name} is not listed"));
+        assert!(
+            own.mass_scale != neutral.mass_scale || own.com_x_m != neutral.com_x_m,
+            "{name}"
+        );
+        assert!(own.wheel_radius_scale.len() <= robot.description.wheels.len(), "{name}");
+        assert_eq!(
+            robot.description.steering.is_some(),
+            own.steering_play_rad > 0.0,
+            "{name}"
+        );
+    }
+}
