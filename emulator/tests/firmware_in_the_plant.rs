@@ -257,7 +257,10 @@ fn the_hand_refuses_what_cannot_stand() {
         r#"{"ok":true}"#
     );
     for (line, reason) in [
-        (r#"{"place":[{"number":9,"x_m":0,"y_m":0,"yaw_rad":0}]}"#, "no robot 9"),
+        (
+            r#"{"place":[{"number":99,"x_m":0,"y_m":0,"yaw_rad":0}]}"#,
+            "no robot 99",
+        ),
         (r#"{"place":[{"number":1,"x_m":1.8,"y_m":0,"yaw_rad":0}]}"#, "floor"),
         (
             r#"{"place":[{"number":1,"x_m":0,"y_m":0,"yaw_rad":0},{"number":2,"x_m":0.4,"y_m":0,"yaw_rad":0}]}"#,
@@ -286,4 +289,26 @@ fn the_hand_refuses_what_cannot_stand() {
         bench.laboratory.units()[0].on_floor().is_some(),
         "a refused request changes nothing"
     );
+}
+
+#[test]
+fn every_robot_of_the_reference_laboratory_hides_something() {
+    let (hidden, neutral) = (hidden(), emulator::hidden::HiddenRobot::default());
+    for robot in &reference().robots {
+        let name = &robot.description.name;
+        let own = hidden
+            .robots
+            .get(name)
+            .unwrap_or_else(|| panic!("{name} is not listed"));
+        assert!(
+            own.mass_scale != neutral.mass_scale || own.com_x_m != neutral.com_x_m,
+            "{name}"
+        );
+        assert!(own.wheel_radius_scale.len() <= robot.description.wheels.len(), "{name}");
+        assert_eq!(
+            robot.description.steering.is_some(),
+            own.steering_play_rad > 0.0,
+            "{name}"
+        );
+    }
 }

@@ -56,7 +56,7 @@ fn wifi_is_as_fast_as_its_table_says() {
         at(0.99),
         at(1.0)
     );
-    // Four robots wait for one another for up to 4 x 0.23 ms.
+    // Four robots wait for one another for up to 4 x 0.13 ms.
     assert!((1.8..3.0).contains(&at(0.5)) && (5.0..=8.6).contains(&at(0.99)));
     let slow = delays.iter().filter(|delay| **delay > 12.0).count();
     assert!(
@@ -176,7 +176,7 @@ fn a_group_is_one_frame_on_the_air_with_a_fate_for_every_robot() {
     }
     let tally = *medium.tally();
     assert_eq!(tally.sent, 10_000);
-    let by_hand_us = 10_000.0 * (200.0 + 444.0 / 3.0);
+    let by_hand_us = 10_000.0 * (120.0 + 444.0 / 6.0);
     assert!((tally.busy_us as f64 - by_hand_us).abs() < 10_000.0);
     // 100 000 fates with 0.3 % loss: 300 +- 17.
     assert!((230..370).contains(&tally.lost), "{}", tally.lost);

@@ -1,7 +1,10 @@
 //! The program itself: sockets, keys, signals.
 
 use emulator::tracker::TrackerFrame;
-use robot::frame::{Command as Drive, Header, Payload, Telemetry, decode, encode_command};
+use robot::frame::{
+    Command as Drive, GroupHeader, Header, MAX_CHARACTERS, Part, Payload, Telemetry, decode, encode_command,
+    encode_group,
+};
 use robot::key::Key;
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Write};
@@ -227,4 +230,74 @@ fn a_second_emulator_on_the_same_sockets_is_refused() {
     let status = command(&emulator.folder, free_udp_base()).status().unwrap();
     assert!(!status.success());
     assert_eq!(emulator.hand(r#"{"place":[]}"#), "{\"ok\":true}\n");
+}
+
+#[test]
+fn one_group_on_the_base_port_drives_two_robots_and_their_health_comes_back() {
+    let emulator = Emulator::start("group");
+    let placed =
+        r#"{"place":[{"number":1,"x_m":-1,"y_m":0.5,"yaw_rad":0},{"number":2,"x_m":1,"y_m":0.5,"yaw_rad":0}]}"#;
+    assert_eq!(emulator.hand(placed), "{\"ok\":true}\n");
+    let keys = ["1", "2"].map(|number| emulator.key(number));
+    let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+    socket.set_nonblocking(true).unwrap();
+    let (started, mut echo_ms, mut running, mut health) = (Instant::now(), [0; 2], [0; 2], [0; 2]);
+    for sequence in 1..=120 {
+        let shared = GroupHeader {
+            epoch: 3,
+            sequence,
+            tick: sequence,
+            clock_ms: 7000 + started.elapsed().as_millis() as u32,
+        };
+        let part = |index: usize, speed: f64| Part {
+            robot: index as u8 + 1,
+            echo_ms: echo_ms[index],
+            command: Drive {
+                enable: true,
+                wheel_rad_per_s: [speed; 4],
+                ..Drive::default()
+            },
+            key: keys[index],
+        };
+        let mut out = [0; MAX_CHARACTERS];
+        let length = encode_group(&shared, &[part(0, 3.0), part(1, -2.0)], &mut out);
+        socket
+            .send_to(&out[..length], ("127.0.0.1", emulator.udp_base))
+            .unwrap();
+        std::thread::sleep((Duration::from_micros(8333) * sequence).saturating_sub(started.elapsed()));
+        let mut buffer = [0; 512];
+        while let Ok((length, from)) = socket.recv_from(&mut buffer) {
+            let index = usize::from(from.port() - emulator.udp_base - 1);
+            let frame = decode(&buffer[..length], &keys[index]).unwrap();
+            echo_ms[index] = frame.header.clock_ms;
+            match frame.payload {
+                Payload::Telemetry(telemetry) => {
+                    let expected = [3.0, -2.0][index];
+                    let follows = (telemetry.wheel_rad_per_s[0] - expected).abs() < 0.5;
+                    running[index] += u32::from(telemetry.status.running && follows);
+                }
+                Payload::Health(told) => {
+                    health[index] += 1;
+                    assert!(told.rest_v > 20.0 && !told.anchored, "{told:?}");
+                }
+                Payload::Counters(_) => {}
+                other => panic!("a robot does not send {other:?}"),
+            }
+        }
+    }
+    println!("driving in {running:?} telemetry frames, {health:?} health frames");
+    assert!(running.iter().all(|count| *count > 40), "{running:?}");
+    assert!(health.iter().all(|count| (5..=13).contains(count)), "{health:?}");
+}
+
+#[test]
+fn a_medium_that_does_not_exist_is_refused_with_the_names_of_those_that_do() {
+    let folder = std::env::temp_dir();
+    let output = command(&folder, 0)
+        .args(["--medium", "telepathy"])
+        .stderr(Stdio::piped())
+        .output()
+        .unwrap();
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(!output.status.success() && told.contains("digimesh"), "{told}");
 }

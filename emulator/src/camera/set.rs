@@ -201,7 +201,7 @@ impl CameraSet {
                 self.stuck.remove(&number);
                 body.pose()
             };
-            seen.push((number, pose));
+            seen.push((unit.seen_as(), pose));
         }
         seen
     }
