@@ -13,9 +13,21 @@ pub struct LiveFrame {
     pub time_s: f64,
     pub robots: Vec<LiveRobot>,
     pub ticks_missed: i64,
+    /// Where the virtual robots are; empty without a virtual side.
+    #[serde(default)]
+    pub shadow: Vec<LiveShadow>,
     /// How long the stages from light to command took since the last frame.
     #[serde(default)]
     pub stages: Option<LiveStages>,
+}
+
+/// A robot of the virtual side.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LiveShadow {
+    pub name: String,
+    pub x_m: f64,
+    pub y_m: f64,
+    pub yaw_rad: f64,
 }
 
 /// Means since the last frame of one run's picture.

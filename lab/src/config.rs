@@ -38,6 +38,10 @@ pub struct Config {
     /// Socket of the hand that puts robots on the floor.
     #[arg(long, env = "ROBOPHEUS_HAND")]
     pub hand: PathBuf,
+    /// Address of the hub that other servers of this machine follow runs on; port 0 takes any, the real one stands in
+    /// `<data>/lab-hub.addr`.
+    #[arg(long, env = "ROBOPHEUS_HUB_LISTEN", default_value = "127.0.0.1:0")]
+    pub hub_listen: SocketAddr,
     /// Address of the stop port; port 0 takes any, the real one stands in `<data>/lab-stop.addr`.
     #[arg(long, env = "ROBOPHEUS_STOP_LISTEN", default_value = "127.0.0.1:8081")]
     pub stop_listen: SocketAddr,

@@ -2,6 +2,7 @@
 
 use crate::config::Config;
 use crate::epochs::EpochBook;
+use crate::hub::Hub;
 use crate::link::Link;
 use crate::localisation::{Localisation, Source};
 use crate::service::Service;
@@ -38,6 +39,7 @@ pub struct Lab {
     pub folder: PathBuf,
     pub book: Arc<Mutex<EpochBook>>,
     pub watchers: broadcast::Sender<LiveFrame>,
+    pub hub: Arc<Hub>,
     pub shutdown: Shutdown,
     /// The service knows this laboratory.
     pub registered: AtomicBool,
@@ -125,6 +127,7 @@ impl Lab {
             hand: config.hand.clone(),
             book: Arc::new(Mutex::new(book)),
             watchers: broadcast::Sender::new(LIVE_FRAMES),
+            hub: Hub::start(config.hub_listen, &config.data).context("start the hub")?,
             shutdown: Shutdown::default(),
             registered: AtomicBool::new(false),
             activity: Mutex::default(),

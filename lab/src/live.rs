@@ -1,14 +1,17 @@
 //! The live picture: folds records into a frame for watchers about twenty times a second.
 
 use crate::live_stages::StageMeans;
-use crate::record::{Record, SafetyKind};
+use crate::record::{Record, SafetyKind, ShadowPose};
 use api::CONTROL_HZ;
-use api::live::{LiveFrame, LiveRobot};
+use api::live::{LiveFrame, LiveRobot, LiveShadow};
 use std::collections::BTreeMap;
 use uuid::Uuid;
 
 /// One frame for this many ticks: 20 Hz.
 const TICKS_PER_FRAME: i64 = 6;
+
+/// Virtual poses older than this are not shown.
+const SHADOW_OLD_TICKS: i64 = 30;
 
 /// What watchers of one run see.
 #[derive(Debug, Clone)]
@@ -21,6 +24,8 @@ pub struct LivePicture {
     safety: BTreeMap<u8, SafetyKind>,
     next_frame_tick: i64,
     stages: StageMeans,
+    /// Newest virtual poses and their tick.
+    shadow: (i64, Vec<LiveShadow>),
 }
 
 impl LivePicture {
@@ -50,6 +55,7 @@ impl LivePicture {
             safety: BTreeMap::new(),
             next_frame_tick: i64::MIN,
             stages: StageMeans::default(),
+            shadow: (i64::MIN, Vec::new()),
         }
     }
 
@@ -83,6 +89,17 @@ impl LivePicture {
             Record::Intervention(intervention) => {
                 self.safety.insert(intervention.robot, intervention.kind);
             }
+            Record::Shadow(shadow) => {
+                let virtual_robot = |pose: &ShadowPose| {
+                    Some(LiveShadow {
+                        name: self.robots.get(*self.places.get(&pose.robot)?)?.name.clone(),
+                        x_m: pose.x_m,
+                        y_m: pose.y_m,
+                        yaw_rad: pose.yaw_rad,
+                    })
+                };
+                self.shadow = (shadow.tick, shadow.robots.iter().filter_map(virtual_robot).collect());
+            }
             Record::Tick(tick) if tick.tick >= self.next_frame_tick => {
                 self.next_frame_tick = tick.tick + TICKS_PER_FRAME;
                 return Some(self.frame(tick.tick, tick.missed));
@@ -108,6 +125,11 @@ impl LivePicture {
             time_s: tick as f64 / f64::from(CONTROL_HZ),
             robots: self.robots.clone(),
             ticks_missed,
+            shadow: if tick.saturating_sub(self.shadow.0) <= SHADOW_OLD_TICKS {
+                self.shadow.1.clone()
+            } else {
+                Vec::new()
+            },
             stages: self.stages.finish(),
         }
     }

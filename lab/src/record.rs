@@ -21,6 +21,7 @@ pub enum Record {
     Pose(Pose),
     Telemetry(Telemetry),
     Intervention(Intervention),
+    Shadow(Shadow),
     /// A plain 8.33 ms sleep of another thread took this much longer.
     SleepLate(i64),
     Log(Log),
@@ -151,6 +152,25 @@ pub struct Telemetry {
     pub gyro_z_rad_per_s: f64,
     pub accel_m_per_s2: [f64; 2],
     pub steering_rad: f64,
+}
+
+/// Where the virtual robots are at a tick.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Shadow {
+    pub tick: i64,
+    /// When the tick was due.
+    pub at_us: i64,
+    pub robots: Vec<ShadowPose>,
+}
+
+/// One virtual robot.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ShadowPose {
+    /// Number of its physical twin.
+    pub robot: u8,
+    pub x_m: f64,
+    pub y_m: f64,
+    pub yaw_rad: f64,
 }
 
 /// The safety filter changed a command.

@@ -2,6 +2,7 @@
 //! to whoever watches live.
 
 use crate::clock;
+use crate::hub::Hub;
 use crate::journal::JournalWriter;
 use crate::live::LivePicture;
 use crate::record::{End, Log, LogLevel, Record};
@@ -54,6 +55,11 @@ impl RecorderHandle {
         }
     }
 
+    /// Queues a record that the run can do without: a full queue drops it and nothing more.
+    pub fn push_spare(&self, record: Record) {
+        let _full = self.queue.try_send(Message::Record(record));
+    }
+
     /// Queues a line for the run's log and shows it in the process log.
     pub fn log(&self, level: LogLevel, message: impl Into<String>) {
         let message = message.into();
@@ -91,6 +97,7 @@ impl Recorder {
         first: Record,
         live: LivePicture,
         watchers: broadcast::Sender<LiveFrame>,
+        hub: Arc<Hub>,
     ) -> io::Result<Self> {
         let mut journal = JournalWriter::create(folder)?;
         journal.push(&first)?;
@@ -101,10 +108,13 @@ impl Recorder {
             dropped: Arc::default(),
             failed: Arc::default(),
         };
+        hub.begin(handle.clone());
+        hub.publish(&first);
         let writer = Writer {
             journal,
             live,
             watchers,
+            hub,
             dropped: handle.dropped.clone(),
         };
         let failed = handle.failed.clone();
@@ -135,6 +145,7 @@ struct Writer {
     journal: JournalWriter,
     live: LivePicture,
     watchers: broadcast::Sender<LiveFrame>,
+    hub: Arc<Hub>,
     dropped: Arc<AtomicU64>,
 }
 
@@ -169,6 +180,7 @@ impl Writer {
         match message {
             Message::Record(record) => {
                 self.journal.push(&record)?;
+                self.hub.publish(&record);
                 if let Some(frame) = self.live.take(&record) {
                     // No watcher is not an error.
                     let _watchers = self.watchers.send(frame);
@@ -177,7 +189,10 @@ impl Writer {
             }
             Message::Finish(mut end) => {
                 end.records_dropped = self.dropped.load(Ordering::Relaxed);
-                self.journal.push(&Record::End(end))?;
+                let end = Record::End(end);
+                self.journal.push(&end)?;
+                self.hub.publish(&end);
+                self.hub.end();
                 self.journal.flush()?;
                 Ok(true)
             }

@@ -132,7 +132,13 @@ fn start_recorder(lab: &Lab, assignment: &Assignment, folder: &Path) -> std::io:
         at_us: monotonic_us(),
     };
     let live = LivePicture::new(assignment.run_id, assignment.epoch, &robots);
-    Recorder::start(folder, Record::Start(Box::new(start)), live, lab.watchers.clone())
+    Recorder::start(
+        folder,
+        Record::Start(Box::new(start)),
+        live,
+        lab.watchers.clone(),
+        lab.hub.clone(),
+    )
 }
 
 /// Everything that can move robots; returns when they are at rest.

@@ -6,7 +6,15 @@ use serde_json::Value;
 use std::time::Duration;
 use system_tests::{Archive, System, repository};
 
-const PROCESSES: [&str; 5] = ["emulator", "lab", "server", "scheduler", "postgres"];
+const PROCESSES: [&str; 7] = [
+    "simulate",
+    "camera-0",
+    "emulator",
+    "lab",
+    "server",
+    "scheduler",
+    "postgres",
+];
 
 fn experiment(duration_s: f64) -> Value {
     let path = repository().join("examples/experiments/rectangle-omni4.json");
@@ -51,6 +59,9 @@ async fn any_one_process_may_die_during_a_run() -> anyhow::Result<()> {
             .map(|fault| (fault.whose, fault.code.as_str(), fault.message.as_str()));
         println!("killed {process}: run ended {} {fault:?}", run.state.as_str());
         match run.state {
+            RunState::Interrupted | RunState::Failed if process == "simulate" => {
+                anyhow::bail!("the virtual side took the run with it: {fault:?}");
+            }
             // Nothing was lost: the laboratory carried on alone until the process was back.
             RunState::Done => anyhow::ensure!(
                 !["lab", "emulator"].contains(&process),

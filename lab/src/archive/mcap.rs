@@ -24,6 +24,8 @@ struct RobotChannels {
     pose: Channel,
     command: Channel,
     telemetry: Channel,
+    /// The virtual robot.
+    shadow: Channel,
 }
 
 #[derive(Debug)]
@@ -87,6 +89,7 @@ impl McapFile {
                 pose: channel(pose, &format!("/robots/{name}/pose"))?,
                 command: channel(command, &format!("/robots/{name}/command"))?,
                 telemetry: channel(telemetry, &format!("/robots/{name}/telemetry"))?,
+                shadow: channel(pose, &format!("/virtual/{name}/pose"))?,
                 name,
             };
             robots.insert(robot.number, channels);
@@ -124,7 +127,7 @@ impl McapFile {
                     writer,
                     &mut robot.pose,
                     [arrival_ns, exposure_ns],
-                    &pose_in_frame(pose, exposure_ns),
+                    &pose_in_frame([pose.x_m, pose.y_m, pose.yaw_rad], exposure_ns),
                 )?;
                 write(
                     writer,
@@ -145,6 +148,16 @@ impl McapFile {
                 };
                 let times = [clock.ns(telemetry.arrival_us), clock.ns(telemetry.sample_us)];
                 write(writer, &mut robot.telemetry, times, telemetry)
+            }
+            Record::Shadow(shadow) => {
+                let at_ns = clock.ns(shadow.at_us);
+                for seen in &shadow.robots {
+                    if let Some(robot) = robots.get_mut(&seen.robot) {
+                        let message = pose_in_frame([seen.x_m, seen.y_m, seen.yaw_rad], at_ns);
+                        write(writer, &mut robot.shadow, [at_ns; 2], &message)?;
+                    }
+                }
+                Ok(())
             }
             Record::Intervention(intervention) => {
                 write(writer, safety, [clock.ns(intervention.at_us); 2], intervention)
@@ -193,11 +206,11 @@ fn quaternion(yaw_rad: f64) -> Value {
     json!({"x": 0.0, "y": 0.0, "z": sin, "w": cos})
 }
 
-fn pose_in_frame(pose: &Pose, ns: u64) -> Value {
+fn pose_in_frame([x_m, y_m, yaw_rad]: [f64; 3], ns: u64) -> Value {
     json!({
         "timestamp": timestamp(ns),
         "frame_id": WORLD_FRAME,
-        "pose": {"position": {"x": pose.x_m, "y": pose.y_m, "z": 0.0}, "orientation": quaternion(pose.yaw_rad)},
+        "pose": {"position": {"x": x_m, "y": y_m, "z": 0.0}, "orientation": quaternion(yaw_rad)},
     })
 }
 

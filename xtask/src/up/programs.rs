@@ -114,7 +114,12 @@ impl Programs {
 
     fn check(&self) -> Result<()> {
         let lab: &[&str] = if self.with_lab {
-            &["robopheus-emulator", "robopheus-camera", "robopheus-lab"]
+            &[
+                "robopheus-emulator",
+                "robopheus-camera",
+                "robopheus-lab",
+                "robopheus-simulate",
+            ]
         } else {
             &[]
         };
@@ -170,6 +175,7 @@ impl Programs {
                 plans.extend(CAMERAS.iter().map(|camera| self.camera_plan(camera)));
             }
             plans.push(self.plan("lab", 1, 3000, Self::lab));
+            plans.push(self.plan("simulate", 1, 500, Self::simulate));
         }
         Ok(plans)
     }
@@ -266,7 +272,9 @@ impl Programs {
     }
 
     fn lab(&self) -> Command {
-        fs::remove_file(self.data.join("lab-stop.addr")).ok();
+        for file in ["lab-stop.addr", "lab-hub.addr"] {
+            fs::remove_file(self.data.join(file)).ok();
+        }
         let mut command = self.command("robopheus-lab");
         command
             .arg("--server")
@@ -287,6 +295,12 @@ impl Programs {
                 command.arg("--camera").arg(self.socket(camera.poses));
             }
         }
+        command
+    }
+
+    fn simulate(&self) -> Command {
+        let mut command = self.command("robopheus-simulate");
+        command.arg("--data").arg(&self.data);
         command
     }
 

@@ -5,7 +5,7 @@ use crate::error_measure::path;
 use crate::pages::words;
 use crate::state::State;
 use crate::theme::{self, Tone};
-use api::live::{LiveRobot, LiveStages};
+use api::live::{LiveRobot, LiveShadow, LiveStages};
 use api::run::RunView;
 
 /// Length of a trail, seconds of the run.
@@ -64,6 +64,22 @@ pub fn scene(state: &State, run: &RunView) -> Scene {
             mark: live.safety.as_deref().map(|code| words::safety(code).to_owned()),
         });
     }
+    for shadow in &last.shadow {
+        let index = experiment
+            .robots
+            .iter()
+            .position(|r| r.name == shadow.name)
+            .unwrap_or(0);
+        scene.robots.push(SceneRobot {
+            name: shadow.name.clone(),
+            pose: [shadow.x_m, shadow.y_m, shadow.yaw_rad],
+            shape: Shape::of(state.lab.robot(&shadow.name).map(|r| &r.description)),
+            ink: Ink::Robot(index),
+            ghost: true,
+            show_name: false,
+            mark: None,
+        });
+    }
     scene
 }
 
@@ -89,12 +105,12 @@ pub fn robots(state: &State, run: &RunView) -> Vec<RobotCard> {
                 .iter()
                 .position(|r| r.name == robot.name)
                 .unwrap_or(0),
-            lines: lines(robot),
+            lines: lines(robot, last.shadow.iter().find(|shadow| shadow.name == robot.name)),
         })
         .collect()
 }
 
-fn lines(robot: &LiveRobot) -> Vec<(&'static str, String, Tone)> {
+fn lines(robot: &LiveRobot, shadow: Option<&LiveShadow>) -> Vec<(&'static str, String, Tone)> {
     let (link, link_tone) = age(robot.link_age_ms);
     let (pose, pose_tone) = age(robot.pose_age_ms);
     let battery_tone = if robot.bus_v < BATTERY_LOW_V {
@@ -108,12 +124,21 @@ fn lines(robot: &LiveRobot) -> Vec<(&'static str, String, Tone)> {
         .map_or(("leaves it alone", Tone::Neutral), |code| {
             (words::safety(code), Tone::Warning)
         });
-    vec![
+    let mut lines = vec![
         ("Link", link, link_tone),
         ("Pose", pose, pose_tone),
         ("Battery", theme::volts(robot.bus_v), battery_tone),
         ("Safety filter", safety.to_owned(), safety_tone),
-    ]
+    ];
+    if let Some(shadow) = shadow {
+        let apart_m = (shadow.x_m - robot.x_m).hypot(shadow.y_m - robot.y_m);
+        lines.push((
+            "Virtual robot",
+            format!("{} away", theme::millimetres(apart_m)),
+            Tone::Neutral,
+        ));
+    }
+    lines
 }
 
 fn age(value_ms: f64) -> (String, Tone) {
