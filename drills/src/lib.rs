@@ -6,11 +6,16 @@
 //!                                                  ^------------------- telemetry (the same air) <-----------'
 //! ```
 
+pub mod adversary;
 mod air;
+pub mod attack;
+pub mod fan;
+pub mod hostile;
 mod light;
 mod rig;
 mod scene;
 pub mod sight;
+pub mod table;
 
 pub use air::{Air, AirSettings};
 pub use light::{Light, LightSettings};

@@ -2,7 +2,8 @@
 
 use anyhow::Result;
 use clap::{Parser, Subcommand};
-use drills::sight;
+use drills::adversary::{self, Aim};
+use drills::{sight, table};
 use emulator::camera::CameraSettings;
 use std::process::ExitCode;
 
@@ -16,6 +17,10 @@ struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Drill {
+    /// S5: hostile runs of 10 s on the emulated plant; collisions and smallest distances
+    Adversary(Runs),
+    /// S7: the same, driving at walls
+    Geofence(Runs),
     /// Localisation on rendered video with twelve moving tags
     Sight {
         #[arg(long, default_value_t = 6000)]
@@ -25,8 +30,37 @@ enum Drill {
     },
 }
 
+/// How many runs, and which.
+#[derive(Debug, Clone, Copy, clap::Args)]
+struct Runs {
+    /// 0: as many as the reliability table asks for
+    #[arg(long, default_value_t = 0)]
+    count: u64,
+    /// Number of the first run
+    #[arg(long, default_value_t = 0)]
+    first: u64,
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    #[arg(long, default_value_t = 2)]
+    threads: usize,
+}
+
+impl Runs {
+    fn or(&self, full: u64) -> u64 {
+        if self.count == 0 { full } else { self.count }
+    }
+}
+
 fn main() -> Result<ExitCode> {
     let holds = match Arguments::parse().drill {
+        Drill::Adversary(runs) => {
+            let rows = adversary::run(Aim::Anything, runs.first, runs.or(30_000), runs.seed, runs.threads)?;
+            table::print(&rows)
+        }
+        Drill::Geofence(runs) => {
+            let rows = adversary::run(Aim::Walls, runs.first, runs.or(3000), runs.seed, runs.threads)?;
+            table::print(&rows)
+        }
         Drill::Sight { frames, seed } => sight(frames, seed)?,
     };
     Ok(ExitCode::from(u8::from(!holds)))

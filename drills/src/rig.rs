@@ -2,7 +2,9 @@
 
 use crate::{Air, AirSettings, Light, LightSettings, Scene};
 use anyhow::{Result, anyhow};
+use control::law::Law;
 use control::safety::SafeCommand;
+use control::scenario::{FieldProblem, Scenario};
 use control::team::Team;
 use emulator::Laboratory;
 use emulator::hidden::Hidden;
@@ -124,10 +126,20 @@ impl Rig {
     /// Robots stand at their starts, are seen and heard; the next tick is the first of the run.
     pub fn new(scene: &Scene, settings: &RigSettings) -> Result<Self> {
         let scenario = scene.scenario()?;
-        let problems = |problems: Vec<control::scenario::FieldProblem>| anyhow!("{problems:?}");
-        let team = Team::new(&scenario).map_err(problems)?;
-        let limits: Vec<RobotLimits> = control::team::robots(&scenario)
-            .map_err(problems)?
+        let team = Team::new(&scenario).map_err(refused)?;
+        Self::with_team(scene, settings, &scenario, team)
+    }
+
+    /// As [`Self::new`] under a law that is not the experiment's.
+    pub fn with_law(scene: &Scene, settings: &RigSettings, law: Box<dyn Law>) -> Result<Self> {
+        let scenario = scene.scenario()?;
+        let team = Team::with_law(&scenario, law).map_err(refused)?;
+        Self::with_team(scene, settings, &scenario, team)
+    }
+
+    fn with_team(scene: &Scene, settings: &RigSettings, scenario: &Scenario, team: Team) -> Result<Self> {
+        let limits: Vec<RobotLimits> = control::team::robots(scenario)
+            .map_err(refused)?
             .iter()
             .map(RobotLimits::of)
             .collect();
@@ -192,7 +204,7 @@ impl Rig {
             },
             ended: None,
             // Replaced below, once the robots are seen.
-            pilot: Pilot::new(Team::new(&scenario).map_err(problems)?, Vec::new(), 0, BEGIN_US),
+            pilot: Pilot::new(Team::new(scenario).map_err(refused)?, Vec::new(), 0, BEGIN_US),
         };
         let seen = rig.prepare(&limits)?;
         rig.pilot = Pilot::new(team, seen, duration_ticks, rig.now_us());
@@ -442,6 +454,10 @@ impl Rig {
             }
         }
     }
+}
+
+fn refused(problems: Vec<FieldProblem>) -> anyhow::Error {
+    anyhow!("{problems:?}")
 }
 
 #[cfg(test)]
