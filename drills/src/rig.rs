@@ -363,7 +363,7 @@ impl Rig {
                     return Err(anyhow!("robot {number} is not seen"));
                 }
                 let name = format!("robot {number}");
-                Ok(PilotRobot::new(*number, name, track, telemetry, limits.wheel_radius_m))
+                Ok(PilotRobot::new(*number, name, track, telemetry, limits))
             })
             .collect()
     }
