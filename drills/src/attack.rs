@@ -1,8 +1,10 @@
 //! One adversarial run on the emulated plant, made from numbers between 0 and 1: so that it can be drawn, and searched.
 
 use crate::hostile::{Hostile, WISH_GENES};
+use crate::liar::Liar;
 use crate::{AirSettings, LightSettings, Rig, RigSettings, Scene, SceneRobot};
 use anyhow::Result;
+use control::law::Law;
 use emulator::hidden::{FrictionPatch, Hidden, HiddenFloor, HiddenRobot};
 use emulator::noise::Noise;
 
@@ -30,6 +32,8 @@ pub struct Attack {
     pub seconds: f64,
     /// Robots drive at walls only.
     pub walls_only: bool,
+    /// Half of what the law says is garbage, and a tenth of the ticks is late.
+    pub liar: bool,
 }
 
 /// What came of it.
@@ -73,6 +77,7 @@ impl Attack {
                 .collect(),
             seconds,
             walls_only: false,
+            liar: false,
         }
     }
 
@@ -175,10 +180,15 @@ impl Attack {
         hidden
     }
 
-    fn law(&self) -> Hostile {
+    fn law(&self) -> Box<dyn Law> {
         let wishes = (0..self.chassis.len()).map(|robot| std::array::from_fn(|place| self.of_robot(robot, 3 + place)));
         let law = Hostile::new(wishes.collect(), HALF_ARENA_M.map(|half| 2.0 * half));
-        if self.walls_only { law.at_walls() } else { law }
+        let law = if self.walls_only { law.at_walls() } else { law };
+        if self.liar {
+            Box::new(Liar::new(law, self.seed))
+        } else {
+            Box::new(law)
+        }
     }
 
     /// The run.
@@ -192,13 +202,17 @@ impl Attack {
             })
             .collect();
         let scene = Scene::mixed(&self.chassis, &robots, self.seconds)?;
-        let mut rig = Rig::with_law(&scene, &self.settings(), Box::new(self.law()))?;
+        let mut rig = Rig::with_law(&scene, &self.settings(), self.law())?;
         rig.keep_records = false;
         let fault = Fault::of(self);
+        let mut late = Noise::new(self.seed, 0x01A7E);
         let mut fastest_m_per_s: f64 = 0.0;
         let ticks = (self.seconds * TICKS_PER_S) as i64;
         for tick in 0..ticks {
             fault.set(&mut rig, tick as f64 / TICKS_PER_S);
+            if self.liar && late.uniform() < 0.1 {
+                rig.pilot_mut().overdue(1 + u32::from(late.uniform() < 0.5));
+            }
             if !rig.tick() {
                 break;
             }

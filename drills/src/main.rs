@@ -3,7 +3,7 @@
 use anyhow::Result;
 use clap::{Parser, Subcommand};
 use drills::adversary::{self, Aim};
-use drills::{sight, table};
+use drills::{agent, blind, deadlock, falsify, link_loss, sight, stale, table};
 use emulator::camera::CameraSettings;
 use std::process::ExitCode;
 
@@ -21,6 +21,22 @@ enum Drill {
     Adversary(Runs),
     /// S7: the same, driving at walls
     Geofence(Runs),
+    /// S5: search for a collision by CMA-ES
+    Falsify(Runs),
+    /// S1: cuts of the link to a robot
+    LinkLoss(Runs),
+    /// S2: robot-hours on a bursty link
+    Nuisance(Runs),
+    /// S3: the localisation goes blind or lies, so many times in each of five ways
+    Blind(Runs),
+    /// S4: frames that must not move a robot
+    Stale(Runs),
+    /// S9: antipodal swaps
+    Deadlock(Runs),
+    /// S13: so many words of a law that lies
+    Liar(Runs),
+    /// S11: the laboratory's process killed or stopped
+    Agent(Runs),
     /// Localisation on rendered video with twelve moving tags
     Sight {
         #[arg(long, default_value_t = 6000)]
@@ -61,6 +77,18 @@ fn main() -> Result<ExitCode> {
             let rows = adversary::run(Aim::Walls, runs.first, runs.or(3000), runs.seed, runs.threads)?;
             table::print(&rows)
         }
+        Drill::Liar(runs) => {
+            let tens = runs.or(1_000_000).div_ceil(adversary::WORDS_PER_TEN_RUNS);
+            let rows = adversary::run(Aim::Lies, runs.first, 10 * tens, runs.seed, runs.threads)?;
+            table::print(&rows)
+        }
+        Drill::Falsify(runs) => table::print(&falsify::run(runs.or(5000), runs.seed, runs.threads)?),
+        Drill::LinkLoss(runs) => table::print(&link_loss::cuts(runs.or(10_000), runs.seed, runs.threads)?),
+        Drill::Nuisance(runs) => table::print(&link_loss::nuisance(runs.or(1000), runs.seed, runs.threads)?),
+        Drill::Blind(runs) => table::print(&blind::run(runs.or(2000), runs.seed, runs.threads)?),
+        Drill::Stale(runs) => table::print(&stale::run(runs.or(1_000_000), runs.seed, runs.threads)?),
+        Drill::Deadlock(runs) => table::print(&deadlock::run(runs.first, runs.or(1000), runs.seed, runs.threads)?),
+        Drill::Agent(runs) => table::print(&agent::run(runs.or(200), runs.seed, runs.threads)?),
         Drill::Sight { frames, seed } => sight(frames, seed)?,
     };
     Ok(ExitCode::from(u8::from(!holds)))

@@ -1,0 +1,256 @@
+//! S1: cuts of the link to a robot on the emulated plant. S2: a bursty link and the watchdog alone.
+
+use crate::attack::CHASSIS;
+use crate::fan::{fan, progress};
+use crate::hostile::Hostile;
+use crate::table::Row;
+use crate::{Rig, RigSettings, Scene, SceneRobot};
+use anyhow::{Context, Result};
+use emulator::noise::Noise;
+use robot::frame::Command;
+use robot::watchdog::{Watchdog, WatchdogSettings, WatchdogState};
+
+/// A count of the robot's clock and one step of its firmware: the latest that a limit is noticed.
+const NOTICED_US: i64 = 1000 + 2084;
+const RAMP_AFTER_US: i64 = 100_000;
+const LATCH_AFTER_US: i64 = 500_000;
+/// Time that wheels take to answer, and the watchdog's deceleration at the rim.
+const ANSWER_S: f64 = 0.1;
+const RAMP_M_PER_S2: f64 = 2.0;
+
+#[derive(Debug, Clone, Copy)]
+struct Cut {
+    ramp_us: i64,
+    latch_us: i64,
+    distance_m: f64,
+    bound_m: f64,
+    fastest_m_per_s: f64,
+    at_rest: bool,
+}
+
+fn cut(number: u64, seed: u64) -> Result<Cut> {
+    let mut random = Noise::new(seed, 0x0C07 ^ (number << 20));
+    let chassis = CHASSIS.get((number % 6) as usize).copied().unwrap_or("omni4");
+    let mut draw = |least: f64, most: f64| least + (most - least) * random.uniform();
+    let start = [draw(-1.2, 1.2), draw(-0.8, 0.8), draw(-3.1, 3.1)];
+    let robot = SceneRobot {
+        start,
+        goal: [start[0], start[1]],
+    };
+    let scene = Scene::mixed(&[chassis], &[robot], 10.0)?;
+    let genes = std::array::from_fn(|_| draw(0.0, 1.0));
+    let cut_s = draw(0.3, 2.5);
+    let settings = RigSettings {
+        seed: seed ^ number,
+        phase: (number % 4) as i64,
+        ..RigSettings::default()
+    };
+    let law = Hostile::new(vec![genes], [4.0, 3.0]);
+    let mut rig = Rig::with_law(&scene, &settings, Box::new(law))?;
+    rig.keep_records = false;
+    rig.run_for(cut_s);
+    rig.up.cut = true;
+    // Longer than latch and ramp; frames that were on their way still arrive.
+    rig.run_for(1.2);
+    let watch = rig.watches().first().copied().context("no robot")?;
+    let v = watch.fastest_m_per_s;
+    let since = |at_us: Option<i64>| at_us.map_or(i64::MAX, |at_us| at_us - watch.heard_us);
+    Ok(Cut {
+        ramp_us: since(watch.ramping_us),
+        latch_us: since(watch.latched_us),
+        distance_m: watch.travelled_m,
+        bound_m: v * (0.1 + ANSWER_S) + v * v / (2.0 * RAMP_M_PER_S2),
+        fastest_m_per_s: v,
+        at_rest: rig.speed_m_per_s(0) < 0.01,
+    })
+}
+
+/// S1, `count` cuts.
+///
+/// - Errors: a scene that cannot be set up.
+pub fn cuts(count: u64, seed: u64, threads: usize) -> Result<Vec<Row>> {
+    let cuts = fan(
+        count,
+        threads,
+        |number| cut(number, seed),
+        progress("link-loss", 1000, count),
+    )?;
+    let row = |what: &str, figure: String, asked: String, holds: bool| Row {
+        name: "S1",
+        what: what.to_owned(),
+        count,
+        seed,
+        figure,
+        asked,
+        holds,
+    };
+    let span = |of: fn(&Cut) -> i64| {
+        let least = cuts.iter().map(of).min().unwrap_or(0);
+        (least, cuts.iter().map(of).max().unwrap_or(i64::MAX))
+    };
+    let timed = |what: &str, (least, most): (i64, i64), limit_us: i64| {
+        let allowed = (limit_us - NOTICED_US..=limit_us + NOTICED_US).contains(&most) && least >= limit_us - NOTICED_US;
+        let figure = format!("{:.1} to {:.1} ms", least as f64 * 1e-3, most as f64 * 1e-3);
+        row(what, figure, format!("{} +- 3.1 ms", limit_us / 1000), allowed)
+    };
+    // What was hardly moving says nothing about the distance.
+    let moving: Vec<&Cut> = cuts.iter().filter(|cut| cut.fastest_m_per_s > 0.1).collect();
+    let share = moving
+        .iter()
+        .map(|cut| cut.distance_m / cut.bound_m)
+        .fold(0.0, f64::max);
+    let longest_m = moving.iter().map(|cut| cut.distance_m).fold(0.0, f64::max);
+    let fastest = moving.iter().map(|cut| cut.fastest_m_per_s).fold(0.0, f64::max);
+    let moved = moving.len() as u64;
+    let resting = cuts.iter().filter(|cut| cut.at_rest).count();
+    Ok(vec![
+        timed("last frame to ramp", span(|cut| cut.ramp_us), RAMP_AFTER_US),
+        timed("last frame to latch", span(|cut| cut.latch_us), LATCH_AFTER_US),
+        row(
+            "stopping distance over its bound, of those that moved",
+            format!("{share:.2}; {:.0} mm, {fastest:.2} m/s, {moved} moved", 1e3 * longest_m),
+            "<= 1".to_owned(),
+            share <= 1.0 && moved * 4 >= count * 3,
+        ),
+        row(
+            "at rest 1.2 s after the cut",
+            resting.to_string(),
+            "all".to_owned(),
+            resting as u64 == count,
+        ),
+    ])
+}
+
+/// Frames a second and the bursty link: 2.4 % of the frames lost in bursts of 42 ms.
+const FRAME_HZ: u64 = 120;
+const LOSS: f64 = 0.024;
+const BURST_FRAMES: f64 = 0.042 * FRAME_HZ as f64;
+const HOUR_FRAMES: u64 = 3600 * FRAME_HZ;
+
+#[derive(Debug, Clone, Copy, Default)]
+struct Hour {
+    lost: u64,
+    ramps: u64,
+    latches: u64,
+    /// Longest from a set-point after a ramp to full speed.
+    resume_ms: u32,
+    /// Largest change of the set-point, rad/s per ms.
+    steepest: f64,
+}
+
+fn hour(number: u64, seed: u64) -> Hour {
+    let mut random = Noise::new(seed, 0x6E ^ (number << 16));
+    let drive = Command {
+        enable: true,
+        wheel_rad_per_s: [10.0; robot::MAX_MOTORS],
+        ..Command::default()
+    };
+    let clear = Command { clear: true, ..drive };
+    let (leave, enter) = (1.0 / BURST_FRAMES, LOSS / (1.0 - LOSS) / BURST_FRAMES);
+    let mut watchdog = Watchdog::new(WatchdogSettings::default());
+    let (mut bad, mut latched, mut ramping) = (false, true, false);
+    let mut resumed_ms: Option<u32> = None;
+    let (mut before, mut before_ms) = (0.0, 0);
+    let mut out = Hour::default();
+    for frame in 0..HOUR_FRAMES {
+        let now_ms = (frame * 1000 / FRAME_HZ) as u32;
+        bad = random.uniform() >= if bad { leave } else { 1.0 - enter };
+        if bad {
+            out.lost += 1;
+        } else {
+            if ramping {
+                resumed_ms = Some(now_ms);
+            }
+            watchdog.accept(if latched { &clear } else { &drive }, 1, now_ms);
+        }
+        let speed = watchdog.step(now_ms).wheel_rad_per_s.first().copied().unwrap_or(0.0);
+        if now_ms > before_ms {
+            out.steepest = out.steepest.max((speed - before).abs() / f64::from(now_ms - before_ms));
+        }
+        (before, before_ms) = (speed, now_ms);
+        let state = watchdog.state();
+        out.latches += u64::from(state == WatchdogState::Latched && !latched);
+        out.ramps += u64::from(state == WatchdogState::Ramping && !ramping);
+        latched = state == WatchdogState::Latched;
+        ramping = state == WatchdogState::Ramping;
+        if ramping || latched {
+            resumed_ms = None;
+        }
+        if let Some(since_ms) = resumed_ms
+            && speed >= 10.0 - 1e-9
+        {
+            out.resume_ms = out.resume_ms.max(now_ms - since_ms);
+            resumed_ms = None;
+        }
+    }
+    out
+}
+
+/// S2, `count` robot-hours.
+///
+/// - Errors: none.
+pub fn nuisance(count: u64, seed: u64, threads: usize) -> Result<Vec<Row>> {
+    let hours = fan(
+        count,
+        threads,
+        |number| Ok(hour(number, seed)),
+        progress("nuisance", 100, count),
+    )?;
+    let sum = |of: fn(&Hour) -> u64| hours.iter().map(of).sum::<u64>();
+    let per_100_h = |events: u64| 100.0 * events as f64 / count as f64;
+    let latches = sum(|hour| hour.latches);
+    let lost = sum(|hour| hour.lost) as f64 / (count * HOUR_FRAMES) as f64;
+    let resume_ms = hours.iter().map(|hour| hour.resume_ms).max().unwrap_or(0);
+    let steepest = hours.iter().map(|hour| hour.steepest).fold(0.0, f64::max);
+    let row = |what: &str, figure: String, asked: &str, holds: bool| Row {
+        name: "S2",
+        what: what.to_owned(),
+        count,
+        seed,
+        figure,
+        asked: asked.to_owned(),
+        holds,
+    };
+    Ok(vec![
+        row(
+            "latches in 100 robot-hours",
+            format!("{:.2} ({latches})", per_100_h(latches)),
+            "<= 1",
+            per_100_h(latches) <= 1.0,
+        ),
+        row(
+            "ramps in 100 robot-hours, each resumed by itself",
+            format!("{:.0}", per_100_h(sum(|hour| hour.ramps))),
+            "some",
+            sum(|hour| hour.ramps) > 0,
+        ),
+        row(
+            "longest from the next set-point to full speed",
+            format!("{resume_ms} ms, {:.1} rad/s2", 1e3 * steepest),
+            "<= 1000 ms, 40 rad/s2",
+            resume_ms <= 1000 && resume_ms > 0 && steepest <= 0.04 + 1e-9,
+        ),
+        row(
+            "frames lost",
+            format!("{:.2} %", 100.0 * lost),
+            "2.4 %",
+            (lost - LOSS).abs() < 0.002,
+        ),
+    ])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::table;
+
+    #[test]
+    fn sixty_cuts_stop_in_time_and_in_distance() {
+        assert!(table::print(&cuts(60, 1, 2).expect("cuts")));
+    }
+
+    #[test]
+    fn a_hundred_hours_on_a_bursty_link() {
+        assert!(table::print(&nuisance(100, 1, 2).expect("hours")));
+    }
+}
