@@ -48,6 +48,8 @@ struct World {
     up_us: i64,
     down_us: i64,
     heard_ms: u32,
+    /// Telemetry on its way: when it arrives, the robot's clock in it.
+    answers: Vec<(i64, u32)>,
     kept: Vec<(u32, Vec<u8>)>,
     counts: Counts,
 }
@@ -82,6 +84,7 @@ impl World {
             up_us,
             down_us,
             heard_ms: 0,
+            answers: Vec::new(),
             kept: Vec::new(),
             counts: Counts::default(),
         })
@@ -93,6 +96,12 @@ impl World {
     }
 
     fn make(&mut self) -> Vec<u8> {
+        let now_us = self.now_us;
+        let heard = self.answers.iter().filter(|(due_us, _)| *due_us <= now_us);
+        if let Some((_, clock_ms)) = heard.max_by_key(|(due_us, _)| *due_us) {
+            self.heard_ms = *clock_ms;
+            self.answers.retain(|(due_us, _)| *due_us > now_us);
+        }
         let (frame, _) = self
             .commander
             .frame(Order::Still(Still::Rest), 0, self.now_us, self.heard_ms);
@@ -115,11 +124,9 @@ impl World {
         self.firmware.step(self.robot_ms(arrival_us), &Sensors::default());
         let mut out = [0; TELEMETRY_MAX_CHARACTERS];
         let length = self.firmware.telemetry(self.robot_ms(arrival_us), &mut out);
-        // Heard before the next frame is made, if the way back is quick enough.
-        if arrival_us + self.down_us <= self.now_us + TICK_US * 2
-            && let Ok(telemetry) = frame::decode(out.get(..length).unwrap_or_default(), &self.key)
-        {
-            self.heard_ms = telemetry.header.clock_ms;
+        if let Ok(telemetry) = frame::decode(out.get(..length).unwrap_or_default(), &self.key) {
+            let clock_ms = telemetry.header.clock_ms;
+            self.answers.push((arrival_us + self.down_us, clock_ms));
         }
         self.kept.push((self.commander.epoch(), bytes));
         if self.kept.len() > 5000 {
@@ -191,6 +198,7 @@ impl World {
         let (epoch, sequence) = (old.epoch() + 1, 1);
         self.commander.begin_epoch(epoch, sequence);
         self.heard_ms = 0;
+        self.answers.clear();
         for _ in 0..60 {
             self.tick();
             let (frame, _) = old.frame(Order::Still(Still::Release), 0, self.now_us, self.heard_ms);

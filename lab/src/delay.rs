@@ -24,6 +24,7 @@ const RISE: f64 = 0.05;
 const FALL: f64 = 0.002;
 /// An older command in force is a gap of the link: nothing is learnt of the robot meanwhile.
 const GAP_US: i64 = 80_000;
+const WIDEST_BOUND_US: i64 = 50_000;
 /// Commands that are remembered: half a second.
 const REMEMBERED: usize = 64;
 const SMOOTHING_S: f64 = 0.2;
@@ -99,6 +100,10 @@ impl DelayMeter {
             .iter()
             .find(|sent| sent.sequence == telemetry.applied_sequence);
         let Some(applied) = applied else { return };
+        if telemetry.sample_bound_us > WIDEST_BOUND_US {
+            // The robot's clock is not known yet.
+            return;
+        }
         let age_us = telemetry.sample_us - applied.at_us + telemetry.sample_bound_us;
         self.applied_age_us = age_us;
         let more_s = age_us.max(0) as f64 * 1e-6 - self.link_s;

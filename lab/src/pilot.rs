@@ -24,6 +24,8 @@ const REST_TURN_RAD: f64 = 0.02;
 const REST_SPAN_US: i64 = 100_000;
 /// Telemetry further apart than this says nothing about the travel between.
 const TRAVEL_GAP_S: f64 = 0.05;
+/// Nor does telemetry whose moment is less certain than this.
+const TRAVEL_BOUND_US: i64 = 50_000;
 
 /// The way to the robots, by their place in the experiment.
 pub trait Outlet {
@@ -355,14 +357,17 @@ impl PilotRobot {
     /// Tells the estimator how far the wheels rolled since the last telemetry.
     fn note_travel(&mut self, telemetry: &Telemetry) {
         let elapsed_s = (telemetry.sample_us - self.telemetry.sample_us) as f64 * 1e-6;
-        if !(0.0..TRAVEL_GAP_S).contains(&elapsed_s) {
+        if !(0.0..TRAVEL_GAP_S).contains(&elapsed_s) || telemetry.sample_bound_us > TRAVEL_BOUND_US {
+            self.track.wheels_unknown();
             return;
         }
         let fastest = telemetry
             .wheel_rad_per_s
             .iter()
             .fold(0.0, |fastest: f64, speed| fastest.max(speed.abs()));
-        self.track.wheels_travelled(fastest * self.wheel_radius_m * elapsed_s);
+        let known_until_us = telemetry.sample_us.saturating_sub(telemetry.sample_bound_us);
+        self.track
+            .wheels_travelled_until(fastest * self.wheel_radius_m * elapsed_s, known_until_us);
     }
 
     fn note_turn(&mut self, telemetry: &Telemetry) {
