@@ -43,6 +43,8 @@ pub struct Air {
     pub settings: AirSettings,
     /// Nothing passes at all: an antenna that is off.
     pub cut: bool,
+    /// Nothing passes to or from this robot.
+    pub cut_for: Option<usize>,
     random: Noise,
     frames: Vec<Frame>,
     burst_until_us: i64,
@@ -57,6 +59,7 @@ impl Air {
         Self {
             settings,
             cut: false,
+            cut_for: None,
             random: Noise::new(seed, stream),
             frames: Vec::new(),
             burst_until_us: i64::MIN,
@@ -79,7 +82,7 @@ impl Air {
             self.burst_until_us = now_us + burst_us;
         }
         let lost = self.random.uniform() < loss || now_us < self.burst_until_us;
-        if lost || self.cut {
+        if lost || self.cut || self.cut_for == Some(robot) {
             return;
         }
         let count = 1 + usize::from(copies > 0.0 && self.random.uniform() < copies);

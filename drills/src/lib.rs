@@ -6,13 +6,26 @@
 //!                                                  ^------------------- telemetry (the same air) <-----------'
 //! ```
 
+pub mod adversary;
+pub mod agent;
 mod air;
+pub mod attack;
+pub mod blind;
+pub mod deadlock;
+pub mod evolution;
+pub mod falsify;
+pub mod fan;
+pub mod hostile;
+pub mod liar;
 mod light;
+pub mod link_loss;
 mod rig;
 mod scene;
 pub mod sight;
+pub mod stale;
+pub mod table;
 
 pub use air::{Air, AirSettings};
 pub use light::{Light, LightSettings};
-pub use rig::{Rig, RigSettings, Separation};
+pub use rig::{Rig, RigSettings, Separation, StopWatch};
 pub use scene::{Scene, SceneRobot};

@@ -2,7 +2,8 @@
 
 use anyhow::Result;
 use clap::{Parser, Subcommand};
-use drills::sight;
+use drills::adversary::{self, Aim};
+use drills::{agent, blind, deadlock, falsify, link_loss, sight, stale, table};
 use emulator::camera::CameraSettings;
 use std::process::ExitCode;
 
@@ -16,6 +17,26 @@ struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Drill {
+    /// S5: hostile runs of 10 s on the emulated plant; collisions and smallest distances
+    Adversary(Runs),
+    /// S7: the same, driving at walls
+    Geofence(Runs),
+    /// S5: search for a collision by CMA-ES
+    Falsify(Runs),
+    /// S1: cuts of the link to a robot
+    LinkLoss(Runs),
+    /// S2: robot-hours on a bursty link
+    Nuisance(Runs),
+    /// S3: the localisation goes blind or lies, so many times in each of five ways
+    Blind(Runs),
+    /// S4: frames that must not move a robot
+    Stale(Runs),
+    /// S9: antipodal swaps
+    Deadlock(Runs),
+    /// S13: so many words of a law that lies
+    Liar(Runs),
+    /// S11: the laboratory's process killed or stopped
+    Agent(Runs),
     /// Localisation on rendered video with twelve moving tags
     Sight {
         #[arg(long, default_value_t = 6000)]
@@ -25,8 +46,49 @@ enum Drill {
     },
 }
 
+/// How many runs, and which.
+#[derive(Debug, Clone, Copy, clap::Args)]
+struct Runs {
+    /// 0: as many as the reliability table asks for
+    #[arg(long, default_value_t = 0)]
+    count: u64,
+    /// Number of the first run
+    #[arg(long, default_value_t = 0)]
+    first: u64,
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    #[arg(long, default_value_t = 2)]
+    threads: usize,
+}
+
+impl Runs {
+    fn or(&self, full: u64) -> u64 {
+        if self.count == 0 { full } else { self.count }
+    }
+}
+
 fn main() -> Result<ExitCode> {
     let holds = match Arguments::parse().drill {
+        Drill::Adversary(runs) => {
+            let rows = adversary::run(Aim::Anything, runs.first, runs.or(30_000), runs.seed, runs.threads)?;
+            table::print(&rows)
+        }
+        Drill::Geofence(runs) => {
+            let rows = adversary::run(Aim::Walls, runs.first, runs.or(3000), runs.seed, runs.threads)?;
+            table::print(&rows)
+        }
+        Drill::Liar(runs) => {
+            let tens = runs.or(1_000_000).div_ceil(adversary::WORDS_PER_TEN_RUNS);
+            let rows = adversary::run(Aim::Lies, runs.first, 10 * tens, runs.seed, runs.threads)?;
+            table::print(&rows)
+        }
+        Drill::Falsify(runs) => table::print(&falsify::run(runs.or(5000), runs.seed, runs.threads)?),
+        Drill::LinkLoss(runs) => table::print(&link_loss::cuts(runs.or(10_000), runs.seed, runs.threads)?),
+        Drill::Nuisance(runs) => table::print(&link_loss::nuisance(runs.or(1000), runs.seed, runs.threads)?),
+        Drill::Blind(runs) => table::print(&blind::run(runs.or(2000), runs.seed, runs.threads)?),
+        Drill::Stale(runs) => table::print(&stale::run(runs.or(1_000_000), runs.seed, runs.threads)?),
+        Drill::Deadlock(runs) => table::print(&deadlock::run(runs.first, runs.or(1000), runs.seed, runs.threads)?),
+        Drill::Agent(runs) => table::print(&agent::run(runs.or(200), runs.seed, runs.threads)?),
         Drill::Sight { frames, seed } => sight(frames, seed)?,
     };
     Ok(ExitCode::from(u8::from(!holds)))

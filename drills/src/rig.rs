@@ -2,12 +2,15 @@
 
 use crate::{Air, AirSettings, Light, LightSettings, Scene};
 use anyhow::{Result, anyhow};
+use control::law::Law;
 use control::safety::SafeCommand;
+use control::scenario::{FieldProblem, Scenario};
 use control::team::Team;
 use emulator::Laboratory;
 use emulator::hidden::Hidden;
 use emulator::keys::Keys;
 use emulator::laboratory::Placement;
+use emulator::unit::Reception;
 use lab::commander::{Commander, Order, Sent, Still};
 use lab::ear::Ear;
 use lab::estimator::{PoseSample, PoseTrack};
@@ -18,6 +21,7 @@ use lab::robot_limits::RobotLimits;
 use lab::safety::{Ending, Signals};
 use robot::frame::TELEMETRY_MAX_CHARACTERS;
 use robot::key::Key;
+use robot::watchdog::WatchdogState;
 
 /// Any key does: nobody else is in the air.
 const KEY_HEX: &str = "000102030405060708090a0b0c0d0e0f";
@@ -61,6 +65,20 @@ pub struct Separation {
     pub walls_m: f64,
 }
 
+/// What a robot did since it last took a command, at the firmware's rate.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StopWatch {
+    /// Arrival of the last frame in order.
+    pub heard_us: i64,
+    /// First step at which the watchdog was seen to ramp, and to be latched, since then.
+    pub ramping_us: Option<i64>,
+    pub latched_us: Option<i64>,
+    /// Way since then, and the fastest it was.
+    pub travelled_m: f64,
+    pub fastest_m_per_s: f64,
+    at_m: [f64; 2],
+}
+
 /// See the module.
 #[derive(Debug)]
 pub struct Rig {
@@ -87,6 +105,7 @@ pub struct Rig {
     plant_ticks: i64,
     motion_plant_tick: i64,
     separation: Separation,
+    watches: Vec<StopWatch>,
     ended: Option<Ending>,
 }
 
@@ -124,10 +143,20 @@ impl Rig {
     /// Robots stand at their starts, are seen and heard; the next tick is the first of the run.
     pub fn new(scene: &Scene, settings: &RigSettings) -> Result<Self> {
         let scenario = scene.scenario()?;
-        let problems = |problems: Vec<control::scenario::FieldProblem>| anyhow!("{problems:?}");
-        let team = Team::new(&scenario).map_err(problems)?;
-        let limits: Vec<RobotLimits> = control::team::robots(&scenario)
-            .map_err(problems)?
+        let team = Team::new(&scenario).map_err(refused)?;
+        Self::with_team(scene, settings, &scenario, team)
+    }
+
+    /// As [`Self::new`] under a law that is not the experiment's.
+    pub fn with_law(scene: &Scene, settings: &RigSettings, law: Box<dyn Law>) -> Result<Self> {
+        let scenario = scene.scenario()?;
+        let team = Team::with_law(&scenario, law).map_err(refused)?;
+        Self::with_team(scene, settings, &scenario, team)
+    }
+
+    fn with_team(scene: &Scene, settings: &RigSettings, scenario: &Scenario, team: Team) -> Result<Self> {
+        let limits: Vec<RobotLimits> = control::team::robots(scenario)
+            .map_err(refused)?
             .iter()
             .map(RobotLimits::of)
             .collect();
@@ -190,9 +219,20 @@ impl Rig {
                 robots_m: f64::INFINITY,
                 walls_m: f64::INFINITY,
             },
+            watches: vec![
+                StopWatch {
+                    heard_us: BEGIN_US,
+                    ramping_us: None,
+                    latched_us: None,
+                    travelled_m: 0.0,
+                    fastest_m_per_s: 0.0,
+                    at_m: [0.0; 2],
+                };
+                robots.len()
+            ],
             ended: None,
             // Replaced below, once the robots are seen.
-            pilot: Pilot::new(Team::new(&scenario).map_err(problems)?, Vec::new(), 0, BEGIN_US),
+            pilot: Pilot::new(Team::new(scenario).map_err(refused)?, Vec::new(), 0, BEGIN_US),
         };
         let seen = rig.prepare(&limits)?;
         rig.pilot = Pilot::new(team, seen, duration_ticks, rig.now_us());
@@ -222,6 +262,39 @@ impl Rig {
 
     pub fn pilot(&self) -> &Pilot {
         &self.pilot
+    }
+
+    /// To let ticks come too late, for example.
+    pub fn pilot_mut(&mut self) -> &mut Pilot {
+        &mut self.pilot
+    }
+
+    /// One for each robot.
+    pub fn watches(&self) -> &[StopWatch] {
+        &self.watches
+    }
+
+    /// The laboratory starts anew: another process that knows nothing of the robots, with a run of its own.
+    ///
+    /// - `epoch`, `sequence`: of its first frames.
+    /// - Errors: robots that are not seen or do not answer.
+    pub fn restart(&mut self, scene: &Scene, epoch: u32, sequence: u32) -> Result<()> {
+        let scenario = scene.scenario()?;
+        let described = control::team::robots(&scenario).map_err(refused)?;
+        let limits: Vec<RobotLimits> = described.iter().map(RobotLimits::of).collect();
+        for commander in &mut self.commanders {
+            commander.begin_epoch(epoch, sequence);
+        }
+        self.ears.fill(Ear::default());
+        self.heard_ms.fill(0);
+        self.fuser = Fuser::new(1)?;
+        let seen = self.prepare(&limits)?;
+        let team = Team::new(&scenario).map_err(refused)?;
+        let duration_ticks = (scenario.experiment.duration_s * 120.0).round() as i64;
+        self.pilot = Pilot::new(team, seen, duration_ticks, self.now_us());
+        self.motion_plant_tick = self.plant_ticks;
+        self.ended = None;
+        Ok(())
     }
 
     /// To make frames of one's own: what a forger or an old laboratory would send.
@@ -351,7 +424,7 @@ impl Rig {
                     return Err(anyhow!("robot {number} is not seen"));
                 }
                 let name = format!("robot {number}");
-                Ok(PilotRobot::new(*number, name, track, telemetry, limits.wheel_radius_m))
+                Ok(PilotRobot::new(*number, name, track, telemetry, limits))
             })
             .collect()
     }
@@ -391,17 +464,49 @@ impl Rig {
         for part in 0..PLANT_TICKS_PER_TICK {
             self.plant_ticks += 1;
             let now_us = self.now_us();
-            let Self { up, laboratory, .. } = self;
+            let Self {
+                up,
+                laboratory,
+                watches,
+                ..
+            } = self;
             up.deliver(now_us, |place, bytes| {
-                if let Some(unit) = laboratory.unit_mut(place) {
-                    unit.receive(bytes, now_us);
+                if let (Some(unit), Some(watch)) = (laboratory.unit_mut(place), watches.get_mut(place))
+                    && unit.receive(bytes, now_us) == Reception::Commander
+                {
+                    *watch = StopWatch {
+                        heard_us: now_us,
+                        ramping_us: None,
+                        latched_us: None,
+                        travelled_m: 0.0,
+                        fastest_m_per_s: 0.0,
+                        at_m: watch.at_m,
+                    };
                 }
             });
             self.laboratory.tick(now_us);
             self.measure();
+            self.watch(now_us);
             if part == self.phase {
                 self.look_and_report(now_us);
             }
+        }
+    }
+
+    fn watch(&mut self, now_us: i64) {
+        for (watch, unit) in self.watches.iter_mut().zip(self.laboratory.units()) {
+            let Some(body) = unit.on_floor() else { continue };
+            match unit.firmware().watchdog().state() {
+                WatchdogState::Running => {}
+                WatchdogState::Ramping => _ = watch.ramping_us.get_or_insert(now_us),
+                WatchdogState::Latched => _ = watch.latched_us.get_or_insert(now_us),
+            }
+            let pose = body.pose();
+            let [x_m, y_m] = watch.at_m;
+            let [vx, vy] = body.velocity_m_per_s();
+            watch.travelled_m += (pose.x_m - x_m).hypot(pose.y_m - y_m);
+            watch.fastest_m_per_s = watch.fastest_m_per_s.max(vx.hypot(vy));
+            watch.at_m = [pose.x_m, pose.y_m];
         }
     }
 
@@ -442,6 +547,10 @@ impl Rig {
             }
         }
     }
+}
+
+fn refused(problems: Vec<FieldProblem>) -> anyhow::Error {
+    anyhow!("{problems:?}")
 }
 
 #[cfg(test)]

@@ -25,24 +25,27 @@ impl Scene {
     ///
     /// - `chassis`: `omni4`, `diff2`, `diff4`, `fwd`, `rwd` or `awd`.
     pub fn new(chassis: &str, robots: &[SceneRobot], duration_s: f64) -> Result<Self> {
+        Self::mixed(&vec![chassis; robots.len()], robots, duration_s)
+    }
+
+    /// As [`Self::new`] with a chassis for each robot.
+    pub fn mixed(chassis: &[&str], robots: &[SceneRobot], duration_s: f64) -> Result<Self> {
         let mut laboratory: LabDescription = serde_json::from_str(include_str!("../../examples/lab/reference.json"))?;
-        let template = template(chassis)?;
-        laboratory.robots = (1..=robots.len() as u8)
-            .map(|number| {
-                let mut robot = LabRobot {
-                    number,
-                    ..template.clone()
-                };
+        let numbered = chassis.iter().zip(1..=robots.len() as u8);
+        laboratory.robots = numbered
+            .map(|(chassis, number)| {
+                let mut robot = template(chassis)?;
+                robot.number = number;
                 robot.description.name = format!("{chassis}-{number:02}");
-                robot
+                Ok(robot)
             })
-            .collect();
+            .collect::<Result<_>>()?;
         let places = robots.iter().zip(&laboratory.robots);
         let starts: Vec<Value> = places
             .map(|(robot, lab_robot)| {
                 let [x_m, y_m, yaw_rad] = robot.start;
                 json!({
-                    "name": lab_robot.description.name, "chassis": chassis, "controller": lab_robot.controller,
+                    "name": lab_robot.description.name, "chassis": lab_robot.description.chassis, "controller": lab_robot.controller,
                     "start": {"x_m": x_m, "y_m": y_m, "yaw_rad": yaw_rad},
                 })
             })

@@ -12,6 +12,20 @@ const JUMP_MARGIN_RAD: f64 = 0.08;
 /// Poses that do not change while the wheels report this much travel come from a frozen picture.
 const FROZEN_TRAVEL_M: f64 = 0.02;
 
+/// Readings of the wheels that are kept: longer than a pose is on its way.
+const ODOMETER_READINGS: usize = 16;
+/// Way of the body for that of the fastest rim: two omni wheels at right angles make sqrt 2 of it, the rest is wear.
+const WHEEL_WAY: f64 = 1.5;
+/// A robot on locked wheels slides on for no longer than this at the speed it had.
+const SLIDE_S: f64 = 0.3;
+
+/// What the wheels had travelled up to a moment.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Odometer {
+    at_us: i64,
+    travelled_m: f64,
+}
+
 /// A pose at an exposure time, world frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PoseSample {
@@ -49,6 +63,11 @@ pub struct PoseTrack {
     poses: [PoseSample; FIT_POSES],
     count: usize,
     travel_since_change_m: f64,
+    /// What the wheels reported up to some moments, newest first; their number.
+    odometer: [Odometer; ODOMETER_READINGS],
+    readings: usize,
+    /// Reading at the newest believed pose.
+    odometer_at_pose_m: Option<f64>,
     /// World velocity at the newest pose, where the localisation tells it.
     velocity: Option<[f64; 3]>,
 }
@@ -73,6 +92,12 @@ impl PoseTrack {
             poses: [nowhere; FIT_POSES],
             count: 0,
             travel_since_change_m: 0.0,
+            odometer: [Odometer {
+                at_us: i64::MIN,
+                travelled_m: 0.0,
+            }; ODOMETER_READINGS],
+            readings: 0,
+            odometer_at_pose_m: None,
             velocity: None,
         }
     }
@@ -85,6 +110,52 @@ impl PoseTrack {
     /// Path length the wheels report since the last call.
     pub fn wheels_travelled(&mut self, travel_m: f64) {
         self.travel_since_change_m += travel_m.abs();
+    }
+
+    /// As [`Self::wheels_travelled`] of a robot that tells when: a pose is then held against the way of the wheels, not only
+    /// against the fastest the robot could be.
+    ///
+    /// - `until_us`: moment up to which the travel is known, the clock's bound taken off.
+    pub fn wheels_travelled_until(&mut self, travel_m: f64, until_us: i64) {
+        self.wheels_travelled(travel_m);
+        let before_m = self.odometer.first().map_or(0.0, |reading| reading.travelled_m);
+        self.odometer.rotate_right(1);
+        if let Some(first) = self.odometer.first_mut() {
+            *first = Odometer {
+                at_us: until_us,
+                travelled_m: before_m + travel_m.abs(),
+            };
+        }
+        self.readings = (self.readings + 1).min(ODOMETER_READINGS);
+    }
+
+    /// Telemetry was missing for too long to say how far the wheels went.
+    pub fn wheels_unknown(&mut self) {
+        self.readings = 0;
+        self.odometer_at_pose_m = None;
+    }
+
+    /// Furthest that the robot can be from the newest believed pose, m.
+    fn reach_m(&self, last: &PoseSample, sample: &PoseSample) -> f64 {
+        let elapsed_s = (sample.exposure_us - last.exposure_us) as f64 * 1e-6;
+        let fastest_m = self.limits.speed_m_per_s * elapsed_s;
+        let newest = self.odometer.first().filter(|_| self.readings > 0);
+        let (Some(newest), Some(then_m)) = (newest, self.odometer_at_pose_m) else {
+            return fastest_m;
+        };
+        // After the last telemetry anything is possible; before it the wheels rolled, or the robot slid on.
+        let untold_s = ((sample.exposure_us - newest.at_us) as f64 * 1e-6).max(0.0);
+        let [forward, left, _] = self.twist();
+        let rolled_m = WHEEL_WAY * (newest.travelled_m - then_m);
+        let slid_m = forward.hypot(left) * elapsed_s.min(SLIDE_S);
+        fastest_m.min(rolled_m.max(slid_m) + self.limits.speed_m_per_s * untold_s)
+    }
+
+    /// What the wheels had reported at a moment; the oldest reading if it is older than that.
+    fn odometer_at_m(&self, at_us: i64) -> Option<f64> {
+        let readings = || self.odometer.iter().take(self.readings);
+        let at = readings().find(|reading| reading.at_us <= at_us);
+        at.or_else(|| readings().last()).map(|reading| reading.travelled_m)
     }
 
     /// Takes a pose of the localisation.
@@ -117,6 +188,7 @@ impl PoseTrack {
             *first = sample;
         }
         self.count = (self.count + 1).min(FIT_POSES);
+        self.odometer_at_pose_m = self.odometer_at_m(sample.exposure_us);
         self.velocity = velocity.filter(|velocity| velocity.iter().all(|part| part.is_finite()));
         Belief::Accepted
     }
@@ -125,7 +197,7 @@ impl PoseTrack {
         let elapsed_s = (sample.exposure_us - last.exposure_us) as f64 * 1e-6;
         let moved_m = f64::hypot(sample.x_m - last.x_m, sample.y_m - last.y_m);
         let turned_rad = wrap_rad(sample.yaw_rad - last.yaw_rad).abs();
-        moved_m > self.limits.speed_m_per_s * elapsed_s + JUMP_MARGIN_M
+        moved_m > self.reach_m(last, sample) + JUMP_MARGIN_M
             || turned_rad > self.limits.yaw_rate_rad_per_s * elapsed_s + JUMP_MARGIN_RAD
     }
 
@@ -219,6 +291,27 @@ mod tests {
         assert_eq!(track.observe(at(60, 0.5, 0.0, 0.0), None), Belief::Accepted);
         assert_eq!(track.observe(at(60, 0.5, 0.0, 0.0), None), Belief::Old);
         assert_eq!(track.observe(at(61, f64::NAN, 0.0, 0.0), None), Belief::Broken);
+    }
+
+    #[test]
+    fn a_jump_is_never_believed_while_the_wheels_stand() {
+        let mut track = PoseTrack::new(LIMITS);
+        let mut travel = |track: &mut PoseTrack, k: i64, travel_m: f64| {
+            track.wheels_travelled_until(travel_m, k * 8333);
+        };
+        travel(&mut track, 0, 0.0);
+        assert_eq!(track.observe(at(0, 0.0, 0.0, 0.0), None), Belief::Accepted);
+        for k in 1..200 {
+            travel(&mut track, k, 0.0);
+            assert_eq!(track.observe(at(k, 0.3, 0.0, 0.0), None), Belief::Jump, "{k}");
+        }
+        // The wheels did roll 0.2 m meanwhile: a robot on omni wheels may be 0.3 m away.
+        travel(&mut track, 200, 0.2);
+        assert_eq!(track.observe(at(200, 0.3, 0.0, 0.0), None), Belief::Accepted);
+        // Without telemetry only the largest speed counts.
+        track.wheels_unknown();
+        assert_eq!(track.observe(at(201, 0.8, 0.0, 0.0), None), Belief::Jump);
+        assert_eq!(track.observe(at(320, 0.8, 0.0, 0.0), None), Belief::Accepted);
     }
 
     #[test]

@@ -12,6 +12,7 @@ pub mod clock;
 pub mod clock_map;
 pub mod commander;
 pub mod config;
+pub mod delay;
 mod deliver;
 mod durable;
 pub mod ear;

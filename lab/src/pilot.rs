@@ -2,9 +2,11 @@
 //! orders go to an [`Outlet`], records to a [`Sink`]. The running loop and the drills in virtual time use the same pilot.
 
 use crate::commander::{Sent, Still};
+use crate::delay::DelayMeter;
 use crate::estimator::{Belief, PoseSample, PoseTrack};
 use crate::pose_frame::PoseFrame;
 use crate::record::{Command, Intervention, Log, LogLevel, Picture, Pose, Record, SafetyKind, Telemetry};
+use crate::robot_limits::RobotLimits;
 use crate::safety::{Ending, Inputs, Permission, RobotHealth, Safety, Signals};
 use control::law::RobotObservation;
 use control::safety::{Cause, SafeCommand};
@@ -22,6 +24,8 @@ const REST_TURN_RAD: f64 = 0.02;
 const REST_SPAN_US: i64 = 100_000;
 /// Telemetry further apart than this says nothing about the travel between.
 const TRAVEL_GAP_S: f64 = 0.05;
+/// Nor does telemetry whose moment is less certain than this.
+const TRAVEL_BOUND_US: i64 = 50_000;
 
 /// The way to the robots, by their place in the experiment.
 pub trait Outlet {
@@ -53,6 +57,8 @@ pub struct PilotRobot {
     /// Newest telemetry; the run starts with a fresh one.
     pub telemetry: Telemetry,
     pub wheel_radius_m: f64,
+    /// How late it does what it is told.
+    pub delay: DelayMeter,
     /// The last telemetry before which a wheel had turned noticeably.
     turned: Telemetry,
     /// Kinds of disbelieved poses that were logged already.
@@ -61,13 +67,14 @@ pub struct PilotRobot {
 
 impl PilotRobot {
     /// - `track`: holds the first pose already.
-    pub fn new(number: u8, name: String, track: PoseTrack, telemetry: Telemetry, wheel_radius_m: f64) -> Self {
+    pub fn new(number: u8, name: String, track: PoseTrack, telemetry: Telemetry, limits: &RobotLimits) -> Self {
         Self {
             number,
             name,
             track,
             telemetry,
-            wheel_radius_m,
+            wheel_radius_m: limits.wheel_radius_m,
+            delay: DelayMeter::new(limits.answer_s),
             turned: telemetry,
             logged: [false; 2],
         }
@@ -207,6 +214,9 @@ impl Pilot {
             };
             let belief = robot.track.observe(sample, pose.velocity);
             robot.log_disbelief(belief, now_us, sink);
+            if belief == Belief::Accepted {
+                robot.delay.seen(frame.exposure_us, robot.track.twist());
+            }
             sink.push(Record::Pose(Pose {
                 robot: pose.number,
                 frame: frame.frame,
@@ -228,6 +238,7 @@ impl Pilot {
         };
         robot.note_travel(&telemetry);
         robot.note_turn(&telemetry);
+        robot.delay.heard(&telemetry);
         robot.telemetry = telemetry;
         sink.push(Record::Telemetry(telemetry));
     }
@@ -266,6 +277,9 @@ impl Pilot {
     }
 
     fn drive(&mut self, slot: i64, now_us: i64, outlet: &mut impl Outlet, sink: &mut impl Sink) {
+        for (place, robot) in self.robots.iter().enumerate() {
+            self.team.filter_mut().set_latency_s(place, robot.delay.latency_s());
+        }
         let overdue = std::mem::take(&mut self.overdue);
         for _ in 1..overdue {
             self.team.missed_tick();
@@ -275,9 +289,10 @@ impl Pilot {
         } else {
             self.team.tick(&self.observations)
         };
-        let robots = self.robots.iter().zip(outputs).zip(&self.health);
+        let robots = self.robots.iter_mut().zip(outputs).zip(&self.health);
         for (place, ((robot, output), health)) in robots.enumerate() {
             let sent = outlet.drive(place, &output.safe, link_tick(slot));
+            robot.delay.sent(sent.sequence, sent.at_us, parts(output.safe.twist()));
             let record = command_record(robot.number, self.first_tick + slot, &sent, Some(output), health);
             sink.push(Record::Command(record));
         }
@@ -301,8 +316,9 @@ impl Pilot {
     }
 
     fn rest(&mut self, slot: i64, still: Still, outlet: &mut impl Outlet, sink: &mut impl Sink) {
-        for (place, (robot, health)) in self.robots.iter().zip(&self.health).enumerate() {
+        for (place, (robot, health)) in self.robots.iter_mut().zip(&self.health).enumerate() {
             let sent = outlet.still(place, still, link_tick(slot));
+            robot.delay.sent(sent.sequence, sent.at_us, [0.0; 3]);
             sink.push(Record::Command(command_record(
                 robot.number,
                 self.first_tick + slot,
@@ -345,14 +361,17 @@ impl PilotRobot {
     /// Tells the estimator how far the wheels rolled since the last telemetry.
     fn note_travel(&mut self, telemetry: &Telemetry) {
         let elapsed_s = (telemetry.sample_us - self.telemetry.sample_us) as f64 * 1e-6;
-        if !(0.0..TRAVEL_GAP_S).contains(&elapsed_s) {
+        if !(0.0..TRAVEL_GAP_S).contains(&elapsed_s) || telemetry.sample_bound_us > TRAVEL_BOUND_US {
+            self.track.wheels_unknown();
             return;
         }
         let fastest = telemetry
             .wheel_rad_per_s
             .iter()
             .fold(0.0, |fastest: f64, speed| fastest.max(speed.abs()));
-        self.track.wheels_travelled(fastest * self.wheel_radius_m * elapsed_s);
+        let known_until_us = telemetry.sample_us.saturating_sub(telemetry.sample_bound_us);
+        self.track
+            .wheels_travelled_until(fastest * self.wheel_radius_m * elapsed_s, known_until_us);
     }
 
     fn note_turn(&mut self, telemetry: &Telemetry) {
@@ -386,13 +405,17 @@ fn warning(at_us: i64, message: String) -> Record {
     })
 }
 
+/// Forward m/s, left m/s, yaw rate rad/s.
+const fn parts(twist: BodyTwist) -> [f64; 3] {
+    [twist.forward_m_per_s, twist.left_m_per_s, twist.yaw_rate_rad_per_s]
+}
+
 /// Tick field of a frame.
 fn link_tick(slot: i64) -> u32 {
     u32::try_from(slot).unwrap_or(0)
 }
 
 fn command_record(robot: u8, tick: i64, sent: &Sent, output: Option<&TeamOutput>, health: &RobotHealth) -> Command {
-    let twist = |twist: BodyTwist| [twist.forward_m_per_s, twist.left_m_per_s, twist.yaw_rate_rad_per_s];
     Command {
         tick,
         robot,
@@ -401,8 +424,8 @@ fn command_record(robot: u8, tick: i64, sent: &Sent, output: Option<&TeamOutput>
         enable: sent.enable,
         wheel_rad_per_s: sent.wheel_rad_per_s,
         steering_rad: sent.steering_rad,
-        twist: output.map_or([0.0; 3], |output| twist(output.safe.twist())),
-        desired: output.map_or([0.0; 3], |output| twist(output.desired)),
+        twist: output.map_or([0.0; 3], |output| parts(output.safe.twist())),
+        desired: output.map_or([0.0; 3], |output| parts(output.desired)),
         target_m: output.map(|output| output.target),
         pose_age_us: health.pose_age_us,
         link_age_us: health.telemetry_age_us,

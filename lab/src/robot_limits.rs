@@ -1,6 +1,8 @@
 //! How fast a robot can be, from its wheels: what the estimator believes.
 
+use crate::delay::{ROLLING_ANSWER_S, SKIDDING_ANSWER_S};
 use crate::estimator::MotionLimits;
+use twin::robot::Wheel;
 
 /// What a robot's wheels allow.
 #[derive(Debug, Clone, Copy)]
@@ -8,8 +10,12 @@ pub struct RobotLimits {
     pub motion: MotionLimits,
     /// Of the largest driven wheel.
     pub wheel_radius_m: f64,
+    /// From set-points to motion, as assumed.
+    pub answer_s: f64,
 }
 
+/// Axles closer than this are one.
+const AXLE_SPREAD_M: f64 = 0.02;
 /// Fastest that any robot here is thought to be when its description sets no limit.
 const UNLIMITED_M_PER_S: f64 = 3.0;
 
@@ -37,6 +43,46 @@ impl RobotLimits {
                 yaw_rate_rad_per_s,
             },
             wheel_radius_m,
+            answer_s: if skids(wheels) {
+                SKIDDING_ANSWER_S
+            } else {
+                ROLLING_ANSWER_S
+            },
+        }
+    }
+}
+
+/// Wheels that cannot slip sideways, on more than one axle and none of them steered, are dragged over the floor in a turn.
+fn skids(wheels: &[Wheel]) -> bool {
+    let axles = || {
+        wheels
+            .iter()
+            .filter(|wheel| wheel.kind == "standard")
+            .map(|wheel| wheel.x_m)
+    };
+    let spread_m = axles().fold(f64::NEG_INFINITY, f64::max) - axles().fold(f64::INFINITY, f64::min);
+    spread_m > AXLE_SPREAD_M && !wheels.iter().any(|wheel| wheel.steered)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_robot_with_two_rigid_axles_skids() {
+        for chassis in ["omni4", "diff2", "diff4", "fwd", "rwd", "awd"] {
+            let path = format!("{}/../examples/robots/{chassis}-sam3x.json", env!("CARGO_MANIFEST_DIR"));
+            let text = std::fs::read_to_string(path).expect("an example");
+            let document: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+            let description = serde_json::from_value(document["robot"].clone()).expect("a robot");
+            let robot = twin::robot::Robot::new(description).expect("a valid robot");
+            let answer_s = RobotLimits::of(&robot).answer_s;
+            let asked_s = if chassis == "diff4" {
+                SKIDDING_ANSWER_S
+            } else {
+                ROLLING_ANSWER_S
+            };
+            assert_eq!(answer_s, asked_s, "{chassis}");
         }
     }
 }

@@ -321,13 +321,7 @@ pub(crate) fn pilot_robots(
         };
         track.observe(sample, pose.velocity);
         let name = robot.name.clone();
-        Some(PilotRobot::new(
-            robot.number,
-            name,
-            track,
-            telemetry,
-            limits.wheel_radius_m,
-        ))
+        Some(PilotRobot::new(robot.number, name, track, telemetry, limits))
     });
     made.collect::<Option<_>>().ok_or_else(gone)
 }

@@ -2,6 +2,7 @@
 
 mod admit;
 mod finish;
+mod steer;
 
 use twin::command::WheelCommand;
 use twin::pose::Pose;

@@ -3,7 +3,7 @@
 //! ```text
 //! s = distance - radii - margin - pose errors - tracking error * T - what may have shrunk since the measurement
 //! T = age of the pose + latency of the link and the robot
-//! n . (v_a - v_b) >= -approach(s),   approach(s) = min(alpha s, sqrt(2 a s)) for s > 0, else 0
+//! n . (v_a - v_b) >= -approach(s),   approach(s) = alpha s up to s = a / alpha^2, sqrt(2 a s - (a / alpha)^2) beyond
 //! ```
 
 use super::Limits;
@@ -69,9 +69,15 @@ impl Place {
 }
 
 /// Fastest approach that a gap allows.
+///
+/// `alpha s` alone would brake by `alpha^2 s`: up to where that is `a`; from there on along the parabola of `a` that goes on
+/// with the same slope.
 pub fn approach_m_per_s(gap_m: f64, limits: &Limits) -> f64 {
-    if gap_m > 0.0 {
-        (limits.approach_gain_per_s * gap_m).min((2.0 * limits.braking_m_per_s2 * gap_m).sqrt())
+    let (alpha, a) = (limits.approach_gain_per_s, limits.braking_m_per_s2);
+    if gap_m > a / (alpha * alpha) {
+        (2.0 * a * gap_m - (a / alpha) * (a / alpha)).sqrt()
+    } else if gap_m > 0.0 {
+        alpha * gap_m
     } else {
         0.0
     }
@@ -97,7 +103,12 @@ pub fn forbidden(gap_m: f64, n: Vector) -> ([Vector; 2], usize) {
 
 /// Gap from which the approach is `speed_m_per_s`: inverse of [`approach_m_per_s`].
 pub fn reach_m(speed_m_per_s: f64, limits: &Limits) -> f64 {
-    (speed_m_per_s / limits.approach_gain_per_s).max(speed_m_per_s * speed_m_per_s / (2.0 * limits.braking_m_per_s2))
+    let (alpha, a) = (limits.approach_gain_per_s, limits.braking_m_per_s2);
+    if alpha * speed_m_per_s > a {
+        (speed_m_per_s * speed_m_per_s + (a / alpha) * (a / alpha)) / (2.0 * a)
+    } else {
+        speed_m_per_s / alpha
+    }
 }
 
 /// How much of the distance along `n`, from `b` to `a`, may be gone or uncertain when a command of now takes effect.
@@ -131,6 +142,20 @@ mod tests {
         }
         assert_eq!(approach_m_per_s(-0.1, &limits), 0.0);
         assert_eq!(approach_m_per_s(f64::NAN, &limits), 0.0);
+    }
+
+    #[test]
+    fn no_approach_asks_for_more_braking_than_the_limit() {
+        let limits = Limits::default();
+        for k in 1..200 {
+            let gap_m = 0.01 * f64::from(k);
+            let rise = approach_m_per_s(gap_m + 1e-6, &limits) - approach_m_per_s(gap_m - 1e-6, &limits);
+            let braking_m_per_s2 = approach_m_per_s(gap_m, &limits) * rise / 2e-6;
+            assert!(
+                braking_m_per_s2 < limits.braking_m_per_s2 * 1.0001,
+                "{gap_m} m: {braking_m_per_s2}"
+            );
+        }
     }
 
     #[test]

@@ -96,6 +96,7 @@ impl SafetyFilter {
         }
         let detour = self.watcher.detour(i, &place).map(|velocity| self.driven(i, velocity));
         let (desired, curvature) = chassis.desired(detour.as_ref().unwrap_or(wanted), self.curvature[i]);
+        let curvature = self.steadied(i, curvature);
         if let Motion::Steered { .. } = chassis.motion {
             let lost = wanted.yaw_rate_rad_per_s - curvature * wanted.forward_m_per_s;
             self.steered_out[i] = lost.abs() > RECORDED_RAD_PER_S && wanted.forward_m_per_s.abs() > 1e-6;
