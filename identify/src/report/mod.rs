@@ -1,0 +1,7 @@
+//! What a diagnosis says, as a document and as a page.
+
+pub mod schema;
+mod words;
+
+pub use schema::{Report, Verdict};
+pub use words::{effect_sentence, verdict_sentence};
