@@ -32,6 +32,8 @@ const EDGES: &[(&str, &[&str])] = &[
 /// Further packages that only the tests of a package may use.
 const TEST_EDGES: &[(&str, &[&str])] = &[
     ("control", &["api"]),
+    // Runs of another plant than the twin.
+    ("identify", &["emulator"]),
     ("system-tests", &["control"]),
     // The twin's motor control against the firmware's, bit for bit.
     ("twin", &["robot"]),

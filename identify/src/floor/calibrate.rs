@@ -156,7 +156,8 @@ impl Floor {
         };
         let before = energy(&self.residuals, &self.values, self);
         for share in [1.0, 0.5, 0.2] {
-            let values: Vec<f64> = self.values.iter().zip(step).map(|(v, s)| v + share * s).collect();
+            let moved = self.values.iter().zip(step).map(|(v, s)| v + share * s);
+            let values: Vec<f64> = moved.zip(&self.knobs).map(|(value, knob)| knob.possible(value)).collect();
             let model = realised(&self.given, &self.knobs, &values);
             let simulated: Option<Vec<Vec<f64>>> =
                 all_residuals(workers, &self.references, &model)?.into_iter().collect();

@@ -28,7 +28,8 @@ pub enum Knob {
 }
 
 /// Effects that are no laboratory's everyday difference, or change nothing when they are small.
-const NEVER: [&str; 17] = [
+const NEVER: [&str; 18] = [
+    "longitudinal_slip",
     "stribeck_friction",
     "command_dead_band",
     "wheel_speed_saturation",
@@ -96,6 +97,28 @@ impl Knob {
                 ..
             } => *name == candidate.entry.name && *index == candidate.index && *own == parameter,
             Knob::Supply(_) | Knob::Resistance(_) => false,
+        }
+    }
+
+    /// The nearest value that the knob can have.
+    pub fn possible(&self, value: f64) -> f64 {
+        const BOTH_WAYS: [&str; 5] = [
+            "coulomb_friction",
+            "viscous_friction",
+            "payload",
+            "steering_lag",
+            "floor_friction",
+        ];
+        match self {
+            Knob::Parameter {
+                name,
+                neutral,
+                practical,
+                low,
+                high,
+                ..
+            } if !BOTH_WAYS.contains(name) => value.clamp((low - neutral) / practical, (high - neutral) / practical),
+            _ => value,
         }
     }
 

@@ -96,6 +96,22 @@ pub struct Window {
     pub load: Vec<f64>,
 }
 
+impl Window {
+    /// Largest change of a measured wheel speed (without encoders: of the gyro) in 0.15 s up to a time, rad/s: slip happens
+    /// then, and a path keeps its errors.
+    fn harshness(&self, until_s: f64) -> f64 {
+        let rolling = self.rolling.iter().flat_map(|chain| &chain.cells);
+        let cells = || self.drive.cells.iter().chain(rolling.clone());
+        let largest = |wanted: &dyn Fn(Quantity) -> bool| {
+            cells()
+                .filter(|cell| cell.time_s <= until_s && wanted(cell.quantity))
+                .fold(0.0, |most: f64, cell| most.max(cell.activity))
+        };
+        let wheels = largest(&|quantity| matches!(quantity, Quantity::Wheel(_)));
+        if wheels > 0.0 { wheels } else { largest(&|quantity| quantity == Quantity::Gyro) }
+    }
+}
+
 /// State of the robot and command in a cell: what residuals are sorted by.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Place {
@@ -179,13 +195,15 @@ impl Record {
         places
     }
 
-    /// Activity of every residual's cell, in their order; 0 for poses.
+    /// Activity of every residual's cell, in their order; for poses how harshly the wheels were driven in the window.
     pub fn activities(&self) -> Vec<f64> {
         let mut out = Vec::with_capacity(self.len());
         for window in &self.windows {
             for chain in [Some(&window.drive), window.rolling.as_ref()].into_iter().flatten() {
                 out.extend(chain.cells.iter().map(|cell| cell.activity));
-                out.extend(core::iter::repeat_n(0.0, 3 * chain.poses.len()));
+                for pose in &chain.poses {
+                    out.extend([window.harshness(pose.time_s); 3]);
+                }
             }
         }
         out
