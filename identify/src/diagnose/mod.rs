@@ -21,6 +21,8 @@ use crate::workers::{Cancelled, Workers};
 pub const LIBRARY_VERSION: &str = "1";
 /// Most effects that are named.
 const MOST_EFFECTS: usize = 6;
+/// Most effects of the references that are absorbed.
+const MOST_ABSORBED: usize = 5;
 /// Changes below this part of the practical size are calibration.
 const TINY: f64 = 0.7;
 
@@ -260,7 +262,20 @@ fn knob_stages(knob: &Knob, candidates: &[Candidate]) -> Stages {
 struct Prepared {
     records: Vec<Record>,
     residuals: Vec<Vec<f64>>,
+    sensitivities: Vec<Vec<Vec<f64>>>,
     metric: Metric,
+}
+
+impl Prepared {
+    /// Residuals under another model, and the floor's present weights.
+    fn renew(&mut self, workers: &dyn Workers, floor: &Floor, model: &Hypothesis) -> Result<(), Cancelled> {
+        let simulated = all_residuals(workers, &self.records, model)?;
+        for (residual, new) in self.residuals.iter_mut().zip(simulated) {
+            *residual = new.unwrap_or_else(|| residual.clone());
+        }
+        self.metric = floor.metric(&self.records, &self.sensitivities);
+        Ok(())
+    }
 }
 
 fn prepare(workers: &dyn Workers, floor: &Floor, records: Vec<Record>, stages: &[Stages]) -> Result<Prepared, Cancelled> {
@@ -272,17 +287,11 @@ fn prepare(workers: &dyn Workers, floor: &Floor, records: Vec<Record>, stages: &
         .unzip();
     let changes = knob_changes(&floor.model, &floor.knobs, stages);
     let sensitivities = columns(workers, &records, &residuals, &changes)?;
-    let runs = (0..records.len())
-        .map(|run| {
-            let weights = floor.noise.weights(&records[run]);
-            let knobs = sensitivities.iter().map(|knob| knob[run].clone()).collect();
-            (weights, knobs)
-        })
-        .collect();
-    let metric = Metric::new(runs, &floor.variation, &floor.uncertainty);
+    let metric = floor.metric(&records, &sensitivities);
     Ok(Prepared {
         records,
         residuals,
+        sensitivities,
         metric,
     })
 }
@@ -297,13 +306,12 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
     let mut validation = prepare(workers, &case.floor, of_role(case, Role::Validation), stages)?;
     let locked = of_role(case, Role::Locked);
     case.locked.extend(locked);
-    let reference_metric = reference_metric(&case.floor);
+    let mut reference_metric = reference_metric(&case.floor);
     case.located = locate(&case.floor, &train.records, &train.residuals);
-    let base = (train.residuals.clone(), validation.residuals.clone());
     levels(case, reference_metric.as_ref(), &train, &validation);
     let mut members: Vec<Member> = Vec::new();
-    for number in 0..MOST_EFFECTS {
-        workers.progress(&format!("round {}", number + 1), 0.2 + 0.7 * number as f64 / MOST_EFFECTS as f64);
+    for number in 0..MOST_EFFECTS + MOST_ABSORBED {
+        workers.progress(&format!("round {}", number + 1), 0.2 + 0.7 * number as f64 / (MOST_EFFECTS + MOST_ABSORBED) as f64);
         let model = with_members(&case.floor.model, &members);
         let stop = round(
             workers,
@@ -329,27 +337,44 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
             case.first_scores = stop.scores.clone();
             case.first_threshold = stop.threshold;
         }
-        let Some(accepted) = stop.accepted else {
+        let background = stop.finalists.iter().find(|finalist| match stop.accepted {
+            Some(accepted) => core::ptr::eq(*finalist, &stop.finalists[accepted]),
+            None => finalist.in_references > 0.5,
+        });
+        if let (Some(metric), Some(finalist)) = (&reference_metric, background) {
+            if absorb(&mut case.floor, metric, finalist, stop.threshold) {
+                reference_metric = self::reference_metric(&case.floor);
+                let model = with_members(&case.floor.model, &members);
+                train.renew(workers, &case.floor, &model)?;
+                validation.renew(workers, &case.floor, &model)?;
+                if members.is_empty() {
+                    case.located = locate(&case.floor, &train.records, &train.residuals);
+                    levels(case, reference_metric.as_ref(), &train, &validation);
+                }
+                case.last = Some(stop);
+                continue;
+            }
+        }
+        let Some(accepted) = stop.accepted.filter(|_| members.len() < MOST_EFFECTS) else {
             case.last = Some(stop);
             break;
         };
         case.taken.push(taken(&stop, accepted));
         members.push(stop.finalists[accepted].member.clone());
         case.last = Some(stop);
+        let base: Option<Vec<Vec<f64>>> = all_residuals(workers, &train.records, &case.floor.model)?.into_iter().collect();
+        let Some(base) = base else { break };
         let problem = Problem {
             records: &train.records,
             metric: &train.metric,
             base: &case.floor.model,
-            residuals: &base.0,
+            residuals: &base,
         };
         let Some(joint) = fit(&problem, members.clone()) else { break };
         members = joint.members.clone();
-        train.residuals = joint.residuals.clone();
         let model = with_members(&case.floor.model, &members);
-        let after = all_residuals(workers, &validation.records, &model)?;
-        for (residual, after) in validation.residuals.iter_mut().zip(after) {
-            *residual = after.unwrap_or_else(|| residual.clone());
-        }
+        train.renew(workers, &case.floor, &model)?;
+        validation.renew(workers, &case.floor, &model)?;
     }
     let mut after = run_energies(&train.metric, &case.floor, &train.records, &train.residuals);
     after.extend(run_energies(&validation.metric, &case.floor, &validation.records, &validation.residuals));
@@ -402,17 +427,29 @@ fn taken(stop: &Stop, accepted: usize) -> Taken {
 }
 
 fn reference_metric(floor: &Floor) -> Option<Metric> {
-    if floor.references.is_empty() {
-        return None;
+    (!floor.references.is_empty()).then(|| floor.metric(&floor.references, &floor.sensitivities))
+}
+
+/// An effect fitted to the references from where the runs have it: taken into the floor's model when it is there as well.
+fn absorb(floor: &mut Floor, metric: &Metric, finalist: &Finalist, threshold: f64) -> bool {
+    let problem = Problem {
+        records: &floor.references,
+        metric,
+        base: &floor.model,
+        residuals: &floor.residuals,
+    };
+    let Some(fit) = fit(&problem, vec![finalist.member.clone()]) else {
+        return false;
+    };
+    let member = &fit.members[0];
+    let size = member.candidate.size(&member.values);
+    let alike = if size.is_finite() { size > 0.4 * finalist.size } else { true };
+    if fit.gain < threshold || !alike {
+        return false;
     }
-    let runs = (0..floor.references.len())
-        .map(|run| {
-            let weights = floor.noise.weights(&floor.references[run]);
-            let knobs = floor.sensitivities.iter().map(|knob| knob[run].clone()).collect();
-            (weights, knobs)
-        })
-        .collect();
-    Some(Metric::new(runs, &floor.variation, &floor.uncertainty))
+    let effect = member.candidate.effect(&member.values);
+    floor.absorb(vec![effect], fit.residuals);
+    true
 }
 
 /// Mean over runs of the whitened energy per residual, everyday differences taken out.

@@ -1,6 +1,6 @@
 //! The nominal model on references, and what is left.
 
-use super::metric::dot;
+use super::metric::{Metric, dot};
 use super::noise::NoiseModel;
 use crate::hypothesis::{Hypothesis, Knob, realised};
 use crate::linear::Square;
@@ -9,7 +9,7 @@ use crate::screen::{Change, all_residuals, columns};
 use crate::workers::{Cancelled, Workers};
 
 /// What a laboratory's description is off by, standard deviation in practical sizes.
-const DESCRIPTION_SIGMA: f64 = 0.6;
+const DESCRIPTION_SIGMA: f64 = 1.5;
 /// Without references: descriptions are taken at their word, to this.
 const WORD_SIGMA: f64 = 0.15;
 /// From run to run and from day to day, in practical sizes: stated prior, worth this many references.
@@ -18,6 +18,8 @@ const VARIATION_RUNS: f64 = 3.0;
 /// The same for battery and temperature, in knobs.
 const WEATHER_SIGMA: f64 = 1.0;
 const GAUSS_NEWTON_STEPS: usize = 3;
+/// Times that the sensitivities are taken anew at the calibrated model.
+const LINEARISATIONS: usize = 2;
 const EXPECTATION_STEPS: usize = 12;
 
 /// The calibrated model with everything that is known about its errors.
@@ -40,6 +42,8 @@ pub struct Floor {
     pub residuals: Vec<Vec<f64>>,
     /// Sensitivities of the knobs on the references, `[knob][reference]`.
     pub sensitivities: Vec<Vec<Vec<f64>>>,
+    /// Effects beyond the knobs that the references have as well; part of the model.
+    pub absorbed: Vec<twin::effect::Effect>,
 }
 
 fn prior_variation(knob: &Knob) -> f64 {
@@ -84,6 +88,7 @@ impl Floor {
             references: Vec::new(),
             residuals: Vec::new(),
             sensitivities: Vec::new(),
+            absorbed: Vec::new(),
         }
     }
 
@@ -103,12 +108,35 @@ impl Floor {
         if references.is_empty() {
             return Ok(floor);
         }
-        let changes = knob_changes(&floor.given, &floor.knobs, stages);
-        floor.sensitivities = columns(workers, &references, &start, &changes)?;
         floor.references = references;
         floor.residuals = start;
-        floor.fit(workers)?;
+        for _ in 0..LINEARISATIONS {
+            let changes = knob_changes(&floor.model, &floor.knobs, stages);
+            floor.sensitivities = columns(workers, &floor.references, &floor.residuals, &changes)?;
+            floor.fit(workers)?;
+        }
         Ok(floor)
+    }
+
+    /// Takes an effect that the references have as well into the calibrated model.
+    pub fn absorb(&mut self, effects: Vec<twin::effect::Effect>, residuals: Vec<Vec<f64>>) {
+        self.model.effects.extend(effects.iter().cloned());
+        self.absorbed.extend(effects);
+        self.residuals = residuals;
+        self.noise = NoiseModel::fitted(&self.given.description, &self.references, &self.residuals);
+        self.estimate_variation();
+    }
+
+    /// Product over records with the knobs' sensitivities `[knob][record]`.
+    pub fn metric(&self, records: &[Record], sensitivities: &[Vec<Vec<f64>>]) -> Metric {
+        let runs = (0..records.len())
+            .map(|run| {
+                let weights = self.noise.weights(&records[run]);
+                let knobs = sensitivities.iter().map(|knob| knob[run].clone()).collect();
+                (weights, knobs)
+            })
+            .collect();
+        Metric::new(runs, &self.variation, &self.uncertainty)
     }
 
     fn fit(&mut self, workers: &dyn Workers) -> Result<(), Cancelled> {
