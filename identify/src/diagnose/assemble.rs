@@ -10,8 +10,8 @@ use crate::fit::{Fit, with_members};
 use crate::hypothesis::{Hypothesis, Knob, applies};
 use crate::record::CHANNELS;
 use crate::report::schema::{
-    Absorbed, Data, Evidence, FORMAT, ModelReference, NamedEffect, ParameterValue, Rejected, Report, Untestable, Verdict,
-    Where, rounded,
+    Absorbed, Data, Evidence, FORMAT, ModelReference, NamedEffect, ParameterValue, Rejected, Report, Untestable,
+    Verdict, Where, rounded,
 };
 use crate::report::{effect_sentence, verdict_sentence};
 use crate::screen::Score;
@@ -34,7 +34,8 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
     if verdict == Verdict::Unexplained || verdict == Verdict::NoDiscrepancy {
         after = case.floor.model.clone();
         case.fit = None;
-        case.taken.retain(|taken| taken.tiny && verdict == Verdict::NoDiscrepancy);
+        case.taken
+            .retain(|taken| taken.tiny && verdict == Verdict::NoDiscrepancy);
     }
     let model = model_version(case, &after);
     let (gap, explained) = gap_table(case, &after);
@@ -60,7 +61,12 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
         place,
         gap,
         explained_fraction: explained,
-        floor_source: if case.floor.noise.is_prior { "stated" } else { "references" }.to_owned(),
+        floor_source: if case.floor.noise.is_prior {
+            "stated"
+        } else {
+            "references"
+        }
+        .to_owned(),
         remarks: case.remarks.clone(),
         model: ModelReference {
             id: model.id.clone(),
@@ -76,7 +82,11 @@ fn verdict(case: &Case) -> Verdict {
     let real = case.energy_before > case.energy_limit;
     let naming: Vec<&Taken> = case.taken.iter().filter(|taken| !taken.tiny).collect();
     if naming.is_empty() {
-        return if real { Verdict::Unexplained } else { Verdict::NoDiscrepancy };
+        return if real {
+            Verdict::Unexplained
+        } else {
+            Verdict::NoDiscrepancy
+        };
     }
     let excess = (case.energy_before - case.energy_floor).max(1e-9);
     let left = (case.energy_after - case.energy_floor) / excess;
@@ -162,14 +172,25 @@ fn parameters(case: &Case, position: usize, finalist: &Finalist) -> Vec<Paramete
     let member = &finalist.member;
     let axes = member.candidate.axes.iter().zip(&member.values).enumerate();
     axes.map(|(a, (axis, value))| {
-        let sigma = case.fit.as_ref().map_or(f64::INFINITY, |fit: &Fit| fit.sigma(position, a));
+        let sigma = case
+            .fit
+            .as_ref()
+            .map_or(f64::INFINITY, |fit: &Fit| fit.sigma(position, a));
         let end = |value: f64| value.is_finite().then(|| rounded(value));
         let known = value.is_finite() && sigma.is_finite();
         ParameterValue {
             name: axis.name.to_owned(),
             value: end(*value),
-            low: end(if known { (value - width * sigma).max(axis.low) } else { *value }),
-            high: end(if known { (value + width * sigma).min(axis.high) } else { *value }),
+            low: end(if known {
+                (value - width * sigma).max(axis.low)
+            } else {
+                *value
+            }),
+            high: end(if known {
+                (value + width * sigma).min(axis.high)
+            } else {
+                *value
+            }),
             unit: axis.unit.to_owned(),
         }
     })
@@ -198,10 +219,9 @@ fn named(case: &Case) -> Vec<NamedEffect> {
             .iter()
             .map(|other| Rejected {
                 name: other.member.candidate.entry.name.to_owned(),
-                because: other
-                    .because
-                    .clone()
-                    .unwrap_or_else(|| format!("gains {:.0}, {:.0} less", other.gain(), finalist.gain() - other.gain())),
+                because: other.because.clone().unwrap_or_else(|| {
+                    format!("gains {:.0}, {:.0} less", other.gain(), finalist.gain() - other.gain())
+                }),
             })
             .filter(|rejected| rejected.name != name && !alternatives.contains(&rejected.name))
             .collect();
@@ -209,7 +229,12 @@ fn named(case: &Case) -> Vec<NamedEffect> {
         excluded.dedup_by(|a, b| a.name == b.name);
         let mut effect = NamedEffect {
             name: name.to_owned(),
-            status: if alternatives.is_empty() { "confirmed" } else { "ambiguous" }.to_owned(),
+            status: if alternatives.is_empty() {
+                "confirmed"
+            } else {
+                "ambiguous"
+            }
+            .to_owned(),
             index: finalist.member.candidate.index,
             parameters: parameters(case, position, finalist),
             evidence: Evidence {
@@ -406,7 +431,11 @@ fn located(case: &Case) -> Where {
     }
     Where {
         sentence: located.sentence.clone(),
-        channels: located.channels.iter().map(|(class, _)| CHANNELS[*class].to_owned()).collect(),
+        channels: located
+            .channels
+            .iter()
+            .map(|(class, _)| CHANNELS[*class].to_owned())
+            .collect(),
         shares: located.channels.iter().map(|(_, share)| rounded(*share)).collect(),
         segments,
         regions,

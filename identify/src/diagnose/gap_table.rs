@@ -21,7 +21,12 @@ type Errors = Vec<((usize, usize), Vec<f64>)>;
 /// The table and the mean explained fraction; both empty without locked runs.
 pub(super) fn gap_table(case: &Case, after: &Hypothesis) -> (Vec<Gap>, Option<f64>) {
     let given = case.input.locked.iter().map(|run| &run.bundle);
-    let held_back = case.input.runs.iter().zip(&case.roles).filter(|(_, role)| **role == Role::Locked);
+    let held_back = case
+        .input
+        .runs
+        .iter()
+        .zip(&case.roles)
+        .filter(|(_, role)| **role == Role::Locked);
     let bundles: Vec<_> = given.chain(held_back.map(|(run, _)| &run.bundle)).collect();
     if bundles.is_empty() || case.locked.is_empty() {
         return (Vec::new(), None);
@@ -80,7 +85,9 @@ fn interval(squares: &[f64], seed: u64) -> (f64, f64) {
     let mut random = Random::new(seed, 0x6761_7073);
     let mut values: Vec<f64> = (0..REPLICATES)
         .map(|_| {
-            let drawn: Vec<f64> = (0..squares.len()).map(|_| squares[random.below(squares.len())]).collect();
+            let drawn: Vec<f64> = (0..squares.len())
+                .map(|_| squares[random.below(squares.len())])
+                .collect();
             rms(&drawn)
         })
         .collect();
@@ -99,24 +106,34 @@ fn errors(bundles: &[&crate::bundle::Bundle], records: &[Record], model: &Hypoth
     let mut errors: Errors = Vec::new();
     if let Some(robot) = model.robot() {
         for bundle in bundles {
-            let Ok(gap) = end_to_end_with(bundle, &robot) else { continue };
+            let Ok(gap) = end_to_end_with(bundle, &robot) else {
+                continue;
+            };
             for sample in &gap.samples {
                 add_pose(&mut errors, sample);
             }
         }
     }
     for record in records {
-        let Some(residual) = residuals(record, model, Stages::BOTH, None) else { continue };
+        let Some(residual) = residuals(record, model, Stages::BOTH, None) else {
+            continue;
+        };
         // Mean square of a window up to each horizon.
         let mut sums = vec![[[(0.0, 0.0); WINDOW_HORIZONS_S.len()]; CLASSES]; record.windows.len()];
         for (place, value) in record.places().iter().zip(&residual) {
-            let Some(class) = place.quantity.map(|quantity| quantity.class()) else { continue };
+            let Some(class) = place.quantity.map(|quantity| quantity.class()) else {
+                continue;
+            };
             if class >= 6 {
                 continue;
             }
             let since_s = place.time_s - record.windows[place.window].from_s;
             for (horizon, limit_s) in WINDOW_HORIZONS_S.iter().enumerate() {
-                let from_s = if horizon == 0 { 0.0 } else { WINDOW_HORIZONS_S[horizon - 1] };
+                let from_s = if horizon == 0 {
+                    0.0
+                } else {
+                    WINDOW_HORIZONS_S[horizon - 1]
+                };
                 if since_s >= from_s && since_s < *limit_s {
                     let (sum, count) = &mut sums[place.window][class][horizon];
                     *sum += value * value;

@@ -14,7 +14,7 @@ use crate::locate::{Located, locate};
 use crate::record::{Record, Stages};
 use crate::report::Report;
 use crate::screen::{Score, all_residuals, columns};
-use crate::select::{Finalist, Role, Round, Side, Stop, roles, round};
+use crate::select::{Finalist, Role, Round, Sensitivities, Side, Stop, roles, round};
 use crate::workers::{Cancelled, Workers};
 
 /// Version of the effect library and of this workflow.
@@ -23,6 +23,9 @@ pub const LIBRARY_VERSION: &str = "1";
 const MOST_EFFECTS: usize = 6;
 /// Most effects of the references that are absorbed.
 const MOST_ABSORBED: usize = 5;
+/// An effect is in the references when it gains this much there, and a run this part of what it gains in the runs.
+const SEEN: f64 = 6.6;
+const BACKGROUND: f64 = 0.35;
 /// Changes below this part of the practical size are calibration.
 const TINY: f64 = 0.7;
 
@@ -75,7 +78,9 @@ pub enum DiagnoseError {
         found: String,
         expected: String,
     },
-    #[error("{path}: no window of 1.3 s with commands and enough measurements; channels needed: commands, and poses or wheel speeds")]
+    #[error(
+        "{path}: no window of 1.3 s with commands and enough measurements; channels needed: commands, and poses or wheel speeds"
+    )]
     Unusable { path: String },
     #[error("the given model cannot be simulated: {0}")]
     Model(String),
@@ -124,7 +129,10 @@ pub fn diagnose(workers: &dyn Workers, input: &Input) -> Result<Diagnosis, Diagn
         .map_or_else(|| input.runs[0].bundle.run.robot.clone(), |model| model.robot.clone());
     let given = Hypothesis {
         description: description.clone(),
-        effects: input.model.as_ref().map_or_else(Vec::new, |model| model.effects.clone()),
+        effects: input
+            .model
+            .as_ref()
+            .map_or_else(Vec::new, |model| model.effects.clone()),
         residual: input.model.as_ref().and_then(|model| model.residual.clone()),
     };
     if given.robot().is_none() {
@@ -205,10 +213,16 @@ fn usable(runs: &[Run]) -> Result<(Vec<Record>, Vec<String>), DiagnoseError> {
             return Err(DiagnoseError::Unusable { path: run.path.clone() });
         }
         if record.outliers > 0 {
-            remarks.push(format!("{}: {} poses left out as tracker errors", run.path, record.outliers));
+            remarks.push(format!(
+                "{}: {} poses left out as tracker errors",
+                run.path, record.outliers
+            ));
         }
         if record.skipped > 0 {
-            remarks.push(format!("{}: {} windows without enough measurements", run.path, record.skipped));
+            remarks.push(format!(
+                "{}: {} windows without enough measurements",
+                run.path, record.skipped
+            ));
         }
         for remark in &run.bundle.remarks {
             remarks.push(format!("{}: {} {}", run.path, remark.column, remark.message));
@@ -278,7 +292,12 @@ impl Prepared {
     }
 }
 
-fn prepare(workers: &dyn Workers, floor: &Floor, records: Vec<Record>, stages: &[Stages]) -> Result<Prepared, Cancelled> {
+fn prepare(
+    workers: &dyn Workers,
+    floor: &Floor,
+    records: Vec<Record>,
+    stages: &[Stages],
+) -> Result<Prepared, Cancelled> {
     let simulated = all_residuals(workers, &records, &floor.model)?;
     let (records, residuals): (Vec<Record>, Vec<Vec<f64>>) = records
         .into_iter()
@@ -299,7 +318,10 @@ fn prepare(workers: &dyn Workers, floor: &Floor, records: Vec<Record>, stages: &
 fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(), DiagnoseError> {
     let of_role = |case: &Case, role: Role| -> Vec<Record> {
         let pairs = case.records.iter().zip(&case.roles);
-        pairs.filter(|(_, r)| **r == role).map(|(record, _)| record.clone()).collect()
+        pairs
+            .filter(|(_, r)| **r == role)
+            .map(|(record, _)| record.clone())
+            .collect()
     };
     workers.progress("sensitivities", 0.15);
     let mut train = prepare(workers, &case.floor, of_role(case, Role::Train), stages)?;
@@ -310,8 +332,12 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
     case.located = locate(&case.floor, &train.records, &train.residuals);
     levels(case, reference_metric.as_ref(), &train, &validation);
     let mut members: Vec<Member> = Vec::new();
+    let mut kept = Sensitivities::default();
     for number in 0..MOST_EFFECTS + MOST_ABSORBED {
-        workers.progress(&format!("round {}", number + 1), 0.2 + 0.7 * number as f64 / (MOST_EFFECTS + MOST_ABSORBED) as f64);
+        workers.progress(
+            &format!("round {}", number + 1),
+            0.2 + 0.7 * number as f64 / (MOST_EFFECTS + MOST_ABSORBED) as f64,
+        );
         let model = with_members(&case.floor.model, &members);
         let stop = round(
             workers,
@@ -332,6 +358,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
                 candidates: &case.candidates,
                 seed: case.input.seed,
             },
+            &mut kept,
         )?;
         if case.first_scores.is_empty() {
             case.first_scores = stop.scores.clone();
@@ -342,7 +369,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
             None => finalist.in_references > 0.5,
         });
         if let (Some(metric), Some(finalist)) = (&reference_metric, background) {
-            if absorb(&mut case.floor, metric, finalist, stop.threshold) {
+            if absorb(&mut case.floor, metric, finalist, train.records.len()) {
                 reference_metric = self::reference_metric(&case.floor);
                 let model = with_members(&case.floor.model, &members);
                 train.renew(workers, &case.floor, &model)?;
@@ -362,7 +389,9 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
         case.taken.push(taken(&stop, accepted));
         members.push(stop.finalists[accepted].member.clone());
         case.last = Some(stop);
-        let base: Option<Vec<Vec<f64>>> = all_residuals(workers, &train.records, &case.floor.model)?.into_iter().collect();
+        let base: Option<Vec<Vec<f64>>> = all_residuals(workers, &train.records, &case.floor.model)?
+            .into_iter()
+            .collect();
         let Some(base) = base else { break };
         let problem = Problem {
             records: &train.records,
@@ -370,25 +399,42 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
             base: &case.floor.model,
             residuals: &base,
         };
-        let Some(joint) = fit(&problem, members.clone()) else { break };
+        let Some(joint) = fit(&problem, members.clone()) else {
+            break;
+        };
         members = joint.members.clone();
         let model = with_members(&case.floor.model, &members);
         train.renew(workers, &case.floor, &model)?;
         validation.renew(workers, &case.floor, &model)?;
+        kept.outdate();
     }
     let mut after = run_energies(&train.metric, &case.floor, &train.records, &train.residuals);
-    after.extend(run_energies(&validation.metric, &case.floor, &validation.records, &validation.residuals));
+    after.extend(run_energies(
+        &validation.metric,
+        &case.floor,
+        &validation.records,
+        &validation.residuals,
+    ));
     case.energy_after = after.iter().sum::<f64>() / after.len().max(1) as f64;
     finish(workers, case, stages, members)
 }
 
 /// The final numbers on training and validation runs together.
-fn finish(workers: &dyn Workers, case: &mut Case, stages: &[Stages], members: Vec<Member>) -> Result<(), DiagnoseError> {
+fn finish(
+    workers: &dyn Workers,
+    case: &mut Case,
+    stages: &[Stages],
+    members: Vec<Member>,
+) -> Result<(), DiagnoseError> {
     if members.is_empty() {
         return Ok(());
     }
     workers.progress("final fit", 0.9);
-    let open = case.records.iter().zip(&case.roles).filter(|(_, role)| **role != Role::Locked);
+    let open = case
+        .records
+        .iter()
+        .zip(&case.roles)
+        .filter(|(_, role)| **role != Role::Locked);
     let both = prepare(workers, &case.floor, open.map(|pair| pair.0.clone()).collect(), stages)?;
     let problem = Problem {
         records: &both.records,
@@ -431,7 +477,9 @@ fn reference_metric(floor: &Floor) -> Option<Metric> {
 }
 
 /// An effect fitted to the references from where the runs have it: taken into the floor's model when it is there as well.
-fn absorb(floor: &mut Floor, metric: &Metric, finalist: &Finalist, threshold: f64) -> bool {
+///
+/// - `runs`: number of training runs, which the finalist's gain is of.
+fn absorb(floor: &mut Floor, metric: &Metric, finalist: &Finalist, runs: usize) -> bool {
     let problem = Problem {
         records: &floor.references,
         metric,
@@ -443,8 +491,14 @@ fn absorb(floor: &mut Floor, metric: &Metric, finalist: &Finalist, threshold: f6
     };
     let member = &fit.members[0];
     let size = member.candidate.size(&member.values);
-    let alike = if size.is_finite() { size > 0.4 * finalist.size } else { true };
-    if fit.gain < threshold || !alike {
+    let alike = if size.is_finite() {
+        size > 0.4 * finalist.size
+    } else {
+        true
+    };
+    let a_run = fit.gain / floor.references.len() as f64;
+    let slow = member.candidate.entry.name == "longitudinal_slip";
+    if slow || fit.gain < SEEN || a_run < BACKGROUND * finalist.gain_train / runs as f64 || !alike {
         return false;
     }
     let effect = member.candidate.effect(&member.values);
@@ -471,7 +525,12 @@ fn run_energies(metric: &Metric, floor: &Floor, records: &[Record], residuals: &
 /// Energy of the runs before anything is named, of the references, and the limit that chance keeps below.
 fn levels(case: &mut Case, reference_metric: Option<&Metric>, train: &Prepared, validation: &Prepared) {
     let mut runs = run_energies(&train.metric, &case.floor, &train.records, &train.residuals);
-    runs.extend(run_energies(&validation.metric, &case.floor, &validation.records, &validation.residuals));
+    runs.extend(run_energies(
+        &validation.metric,
+        &case.floor,
+        &validation.records,
+        &validation.residuals,
+    ));
     case.energy_before = runs.iter().sum::<f64>() / runs.len().max(1) as f64;
     match reference_metric {
         Some(metric) => {

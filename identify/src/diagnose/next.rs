@@ -9,11 +9,27 @@ use crate::report::schema::{NamedEffect, NextExperiment, Untestable, Verdict};
 
 /// Manoeuvres by what shows an effect: name, duration, s, and what is done.
 const CATALOGUE: [(&str, f64, &str); 9] = [
-    ("slow_ramps", 20.0, "slow ramps of the wheel speeds through zero, both ways, with stops"),
-    ("speed_steps", 20.0, "steps between several steady speeds, forward and backward"),
-    ("random_steps", 30.0, "randomly spaced steps of all sizes up to the limits"),
+    (
+        "slow_ramps",
+        20.0,
+        "slow ramps of the wheel speeds through zero, both ways, with stops",
+    ),
+    (
+        "speed_steps",
+        20.0,
+        "steps between several steady speeds, forward and backward",
+    ),
+    (
+        "random_steps",
+        30.0,
+        "randomly spaced steps of all sizes up to the limits",
+    ),
     ("spins", 20.0, "turns on the spot at several rates, left and right"),
-    ("straight_lines", 30.0, "straight lines over the whole field, forward and backward"),
+    (
+        "straight_lines",
+        30.0,
+        "straight lines over the whole field, forward and backward",
+    ),
     ("compass", 40.0, "the same straight line at eight headings"),
     ("circles", 30.0, "circles left and right at rising speed"),
     ("field_grid", 60.0, "slow passes over the whole field in lanes of 0.3 m"),
@@ -68,10 +84,18 @@ pub(super) fn next_experiment(
     if let Some(effect) = effects.iter().find(|effect| !effect.alternatives.is_empty()) {
         let other = &effect.alternatives[0];
         // The manoeuvre of the one that the present runs show less.
-        let name = if of(&effect.name) == of(other) { other } else { weaker(case, &effect.name, other) };
+        let name = if of(&effect.name) == of(other) {
+            other
+        } else {
+            weaker(case, &effect.name, other)
+        };
         return Some(pick(
             name,
-            format!("tells {} from {}", effect.name.replace('_', " "), effect.alternatives.join(", ").replace('_', " ")),
+            format!(
+                "tells {} from {}",
+                effect.name.replace('_', " "),
+                effect.alternatives.join(", ").replace('_', " ")
+            ),
         ));
     }
     if verdict == Verdict::Partial {

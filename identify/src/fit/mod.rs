@@ -70,7 +70,11 @@ fn step_of(axis: &Axis, value: f64) -> f64 {
     if axis.neutral.is_infinite() {
         return 0.04 * value.abs().max(1e-3);
     }
-    let near = if axis.carries_size { 0.25 * axis.practical } else { 0.4 * axis.practical };
+    let near = if axis.carries_size {
+        0.25 * axis.practical
+    } else {
+        0.4 * axis.practical
+    };
     near.max(0.04 * (value - axis.neutral).abs())
 }
 
@@ -122,7 +126,11 @@ pub fn fit(problem: &Problem, start: Vec<Member>) -> Option<Fit> {
     let mut members = start;
     for member in &mut members {
         for (axis, value) in member.candidate.axes.iter().zip(&mut member.values) {
-            *value = if value.is_finite() { clamped(axis, *value) } else { *value };
+            *value = if value.is_finite() {
+                clamped(axis, *value)
+            } else {
+                *value
+            };
         }
     }
     let base_energy = search.energy(problem.residuals);
@@ -133,7 +141,11 @@ pub fn fit(problem: &Problem, start: Vec<Member>) -> Option<Fit> {
     for iteration in 0..MOST_ITERATIONS {
         let jacobian = jacobian(&mut search, &members, &free, &now);
         let mut vectors: Vec<Vec<&[f64]>> = vec![now.iter().map(Vec::as_slice).collect()];
-        vectors.extend(jacobian.iter().map(|column| column.iter().map(Vec::as_slice).collect::<Vec<_>>()));
+        vectors.extend(
+            jacobian
+                .iter()
+                .map(|column| column.iter().map(Vec::as_slice).collect::<Vec<_>>()),
+        );
         let gram = problem.metric.gram(&vectors);
         let rows: Vec<usize> = (1..=free.len()).collect();
         let normal = gram.part(&rows);
@@ -207,7 +219,11 @@ fn jacobian(search: &mut Search, members: &[Member], free: &[(usize, usize)], no
 
 /// Unit of an axis in the normal equations.
 fn scale(axis: &Axis, value: f64) -> f64 {
-    if axis.neutral.is_infinite() { 0.1 * value.abs().max(1e-3) } else { axis.practical }
+    if axis.neutral.is_infinite() {
+        0.1 * value.abs().max(1e-3)
+    } else {
+        axis.practical
+    }
 }
 
 fn moved(members: &[Member], free: &[(usize, usize)], step: &[f64]) -> Vec<Member> {
@@ -245,7 +261,9 @@ fn pattern(
             let value = trial[*m].values[*a];
             let unit = scale(&axis, value);
             trial[*m].values[*a] = clamped(&axis, value + factor * unit);
-            let Some(residuals) = search.simulate(&trial) else { continue };
+            let Some(residuals) = search.simulate(&trial) else {
+                continue;
+            };
             let trial_energy = search.energy(&residuals);
             if trial_energy < *energy {
                 (*members, *now, *energy) = (trial, residuals, trial_energy);

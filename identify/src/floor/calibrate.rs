@@ -185,7 +185,10 @@ impl Floor {
         let before = energy(&self.residuals, &self.values, self);
         for share in [1.0, 0.5, 0.2] {
             let moved = self.values.iter().zip(step).map(|(v, s)| v + share * s);
-            let values: Vec<f64> = moved.zip(&self.knobs).map(|(value, knob)| knob.possible(value)).collect();
+            let values: Vec<f64> = moved
+                .zip(&self.knobs)
+                .map(|(value, knob)| knob.possible(value))
+                .collect();
             let model = realised(&self.given, &self.knobs, &values);
             let simulated: Option<Vec<Vec<f64>>> =
                 all_residuals(workers, &self.references, &model)?.into_iter().collect();
@@ -250,7 +253,11 @@ impl Floor {
         let count = self.knobs.len();
         let moments: Vec<(Square, Vec<f64>)> = (0..self.references.len()).map(|r| self.moments(r)).collect();
         for _ in 0..EXPECTATION_STEPS {
-            let mut sums: Vec<f64> = self.knobs.iter().map(|knob| VARIATION_RUNS * prior_variation(knob)).collect();
+            let mut sums: Vec<f64> = self
+                .knobs
+                .iter()
+                .map(|knob| VARIATION_RUNS * prior_variation(knob))
+                .collect();
             for (gram, score) in &moments {
                 let mut inner = gram.clone();
                 for (k, variance) in self.variation.iter().enumerate() {

@@ -194,7 +194,11 @@ mod tests {
         let value = |i: usize| libm::sin(1.7 * i as f64 + 0.3);
         let weights: Vec<f64> = (0..n).map(|i| 1.0 + 0.2 * i as f64).collect();
         let knobs: Vec<Vec<Vec<f64>>> = (0..runs)
-            .map(|r| (0..2).map(|k| (0..n).map(|i| value(i + 7 * k + 13 * r)).collect()).collect())
+            .map(|r| {
+                (0..2)
+                    .map(|k| (0..n).map(|i| value(i + 7 * k + 13 * r)).collect())
+                    .collect()
+            })
             .collect();
         let variation = [0.5, 0.2];
         let mut uncertainty = Square::zero(2);

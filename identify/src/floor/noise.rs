@@ -50,7 +50,9 @@ fn sensor_variance(robot: &RobotDescription) -> [f64; CLASSES] {
     ];
     let mut variance = [0.0; CLASSES];
     for (class, value) in variance.iter_mut().enumerate() {
-        let sigma = given[class].filter(|sigma| *sigma > 0.0).unwrap_or(DEFAULT_NOISE[class]);
+        let sigma = given[class]
+            .filter(|sigma| *sigma > 0.0)
+            .unwrap_or(DEFAULT_NOISE[class]);
         *value = sigma * sigma / SAMPLES_A_CELL;
     }
     variance
@@ -170,7 +172,11 @@ fn correlation(noise: &NoiseModel, class: usize, records: &[Record], residuals: 
             series.clear();
         };
         // One series a quantity and window. Poses stand in triplets: three passes.
-        for wanted in record.quantities().into_iter().filter(|quantity| quantity.class() == class) {
+        for wanted in record
+            .quantities()
+            .into_iter()
+            .filter(|quantity| quantity.class() == class)
+        {
             for ((place, activity), value) in places.iter().zip(&activities).zip(residual) {
                 if place.quantity != Some(wanted) {
                     continue;

@@ -70,7 +70,12 @@ impl Candidate {
 
     /// The effect at some values of its axes.
     pub fn effect(&self, values: &[f64]) -> Effect {
-        let pairs: Vec<(&str, f64)> = self.axes.iter().map(|axis| axis.name).zip(values.iter().copied()).collect();
+        let pairs: Vec<(&str, f64)> = self
+            .axes
+            .iter()
+            .map(|axis| axis.name)
+            .zip(values.iter().copied())
+            .collect();
         let mut effect = Effect::new(self.entry.name, &pairs);
         effect.index = self.index;
         effect
@@ -145,7 +150,10 @@ fn axis(parameter: &ParameterEntry, entry: &EffectEntry, robot: &RobotDescriptio
     };
     if change == 0.0 && parameter.carries_size {
         // A second direction of the first parameter.
-        let first = entry.parameters.iter().find(|other| other.unit == parameter.unit && other.carries_size)?;
+        let first = entry
+            .parameters
+            .iter()
+            .find(|other| other.unit == parameter.unit && other.carries_size)?;
         change = (first.size.values(robot).0 - first.neutral).abs();
         if parameter.unit == "rad" && change == 0.0 {
             change = 0.009;
@@ -196,7 +204,11 @@ fn candidate(
     let fractions = |of: f64| vec![vec![0.88 * of], vec![0.7 * of], vec![0.5 * of]];
     let (kind, columns) = match entry.name {
         "floor_friction" => one_of(vec![vec![0.85], vec![0.65], vec![0.45]]),
-        "lateral_slip" => one_of([0.85, 0.65, 0.45].map(|share| vec![share * robot.floor_friction]).to_vec()),
+        "lateral_slip" => one_of(
+            [0.85, 0.65, 0.45]
+                .map(|share| vec![share * robot.floor_friction])
+                .to_vec(),
+        ),
         "low_friction_patch" => one_of(patches(excitation)),
         "wheel_speed_saturation" => one_of(fractions(excitation.wheel_rad_per_s)),
         "body_speed_saturation" => one_of(body_limits(excitation)),

@@ -62,7 +62,11 @@ pub fn knobs(candidates: &[Candidate], with_motor: bool) -> Vec<Knob> {
         if NEVER.contains(&name) || DOUBLES.contains(&name) {
             continue;
         }
-        for axis in candidate.axes.iter().filter(|axis| axis.carries_size && axis.neutral.is_finite()) {
+        for axis in candidate
+            .axes
+            .iter()
+            .filter(|axis| axis.carries_size && axis.neutral.is_finite())
+        {
             all.push(Knob::Parameter {
                 name,
                 index: candidate.index,
@@ -223,4 +227,3 @@ fn add(effects: &mut Vec<Effect>, name: &str, index: Option<usize>, parameter: &
         }
     }
 }
-

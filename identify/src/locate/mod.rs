@@ -216,7 +216,9 @@ fn floor_map(entries: &[Entry]) -> FloorMap {
     let mut cells: std::collections::BTreeMap<(i64, i64), (f64, f64)> = std::collections::BTreeMap::new();
     for entry in entries {
         let key = |value: f64| libm::floor(value / MAP_CELL_M) as i64;
-        let cell = cells.entry((key(entry.place.x_m), key(entry.place.y_m))).or_insert((0.0, 0.0));
+        let cell = cells
+            .entry((key(entry.place.x_m), key(entry.place.y_m)))
+            .or_insert((0.0, 0.0));
         cell.0 += entry.energy;
         cell.1 += 1.0;
     }
@@ -228,4 +230,3 @@ fn floor_map(entries: &[Entry]) -> FloorMap {
         energy: cells.values().map(|(sum, count)| sum / count).collect(),
     }
 }
-

@@ -20,7 +20,10 @@ pub(super) fn sentence(located: &Located, runs: usize) -> String {
         .max_by(|a, b| a.0.0.total_cmp(&b.0.0));
     if let Some(((_, bin), region)) = sharpest {
         let (low, high) = (region.edges[bin], region.edges[bin + 1]);
-        parts.push(format!("most at {} {low:.2} to {high:.2} {}", region.variable, region.unit));
+        parts.push(format!(
+            "most at {} {low:.2} to {high:.2} {}",
+            region.variable, region.unit
+        ));
     } else {
         parts.push("alike over all states".to_owned());
     }

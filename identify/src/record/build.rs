@@ -28,7 +28,12 @@ struct Source<'a> {
 
 pub(super) fn record(name: &str, bundle: &Bundle) -> Record {
     let mut commands = bundle.command_rows();
-    commands.retain(|row| *row != (CommandRow { time_s: row.time_s, ..CommandRow::default() }));
+    commands.retain(|row| {
+        *row != (CommandRow {
+            time_s: row.time_s,
+            ..CommandRow::default()
+        })
+    });
     for row in &mut commands {
         row.time_s += bundle.run.command_delay_s;
     }
@@ -94,7 +99,10 @@ fn lines(bundle: &Bundle) -> Vec<(Quantity, Line)> {
     ]);
     let mut lines = Vec::new();
     for (quantity, channel) in wanted {
-        let dead = bundle.telemetry.series(channel).is_none_or(crate::bundle::Series::is_constant);
+        let dead = bundle
+            .telemetry
+            .series(channel)
+            .is_none_or(crate::bundle::Series::is_constant);
         if let (false, Some(line)) = (dead, Line::of(bundle, channel)) {
             lines.push((quantity, without_spikes(line)));
         }
@@ -128,7 +136,11 @@ fn largest_command(source: &Source) -> f64 {
     let mut largest = 0.0_f64;
     for row in &source.commands {
         held.apply(&source.bundle.robot, row);
-        largest = held.command().wheel_rad_per_s.iter().fold(largest, |m, w| m.max(w.abs()));
+        largest = held
+            .command()
+            .wheel_rad_per_s
+            .iter()
+            .fold(largest, |m, w| m.max(w.abs()));
     }
     largest
 }
@@ -271,7 +283,9 @@ pub(super) fn rolling_rows(
 }
 
 fn sample_place(rows: &[CommandRow], time_s: f64) -> (u32, f64) {
-    let after = rows.partition_point(|row| row.time_s <= time_s).clamp(1, rows.len() - 1);
+    let after = rows
+        .partition_point(|row| row.time_s <= time_s)
+        .clamp(1, rows.len() - 1);
     let (a, b) = (rows[after - 1].time_s, rows[after].time_s);
     ((after - 1) as u32, ((time_s - a) / (b - a)).clamp(0.0, 1.0))
 }

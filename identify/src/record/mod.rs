@@ -108,7 +108,11 @@ impl Window {
                 .fold(0.0, |most: f64, cell| most.max(cell.activity))
         };
         let wheels = largest(&|quantity| matches!(quantity, Quantity::Wheel(_)));
-        if wheels > 0.0 { wheels } else { largest(&|quantity| quantity == Quantity::Gyro) }
+        if wheels > 0.0 {
+            wheels
+        } else {
+            largest(&|quantity| quantity == Quantity::Gyro)
+        }
     }
 }
 
@@ -163,7 +167,11 @@ impl Record {
             for chain in [Some(&window.drive), window.rolling.as_ref()].into_iter().flatten() {
                 let poses = || {
                     let other = window.rolling.as_ref().map_or(&[][..], |chain| &chain.poses);
-                    if window.drive.poses.is_empty() { other } else { &window.drive.poses }
+                    if window.drive.poses.is_empty() {
+                        other
+                    } else {
+                        &window.drive.poses
+                    }
                 };
                 let near = |time_s: f64| {
                     let after = poses().partition_point(|pose| pose.time_s < time_s);

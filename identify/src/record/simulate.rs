@@ -29,7 +29,12 @@ impl Stages {
 const ALIGN_M: f64 = 0.001;
 const ALIGN_RAD: f64 = 0.003;
 /// Actuator effects that act between the measured wheel or steering angle and the floor.
-const BEHIND_THE_ENCODER: [&str; 4] = ["encoder_scale", "steering_offset", "steering_scale", "steering_backlash"];
+const BEHIND_THE_ENCODER: [&str; 4] = [
+    "encoder_scale",
+    "steering_offset",
+    "steering_scale",
+    "steering_backlash",
+];
 /// Servo that follows the measured steering angle at once, s.
 const INSTANT_S: f64 = 1e-4;
 /// Seconds of load history that warm a motor, in time constants.
@@ -92,7 +97,11 @@ fn simulate(
         start.current_a = Default::default();
     }
     let shifted: Vec<CommandRow>;
-    let shift_s = if is_rolling { cached.hypothesis.clock_shift_s(window) } else { 0.0 };
+    let shift_s = if is_rolling {
+        cached.hypothesis.clock_shift_s(window)
+    } else {
+        0.0
+    };
     let rows = match (&record.input, shift_s != 0.0) {
         (Some(input), true) => {
             let end_s = chain.rows.last().map_or(window.to_s, |row| row.time_s) - 1.0 / super::GRID_HZ;
@@ -270,4 +279,3 @@ fn heat(load: &[f64], time_constant_s: f64) -> f64 {
     let share = 1.0 - libm::exp(-1.0 / time_constant_s);
     load.iter().fold(0.0, |heat, load| heat + share * (load - heat))
 }
-

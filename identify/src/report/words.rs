@@ -38,7 +38,11 @@ pub fn effect_sentence(effect: &NamedEffect) -> String {
                 (Some(low), Some(high)) => format!(" ({} to {})", number(low), number(high)),
                 _ => String::new(),
             };
-            Some(format!("{} {}{interval} {unit}", plain(&parameter.name), number(value)).trim_end().to_owned())
+            Some(
+                format!("{} {}{interval} {unit}", plain(&parameter.name), number(value))
+                    .trim_end()
+                    .to_owned(),
+            )
         })
         .collect();
     text.push_str(&format!(": {}", parts.join(", ")));
@@ -50,17 +54,27 @@ pub fn effect_sentence(effect: &NamedEffect) -> String {
 }
 
 /// The whole in one sentence.
-pub fn verdict_sentence(verdict: Verdict, effects: &[NamedEffect], explained: Option<f64>, where_it_is: &str) -> String {
+pub fn verdict_sentence(
+    verdict: Verdict,
+    effects: &[NamedEffect],
+    explained: Option<f64>,
+    where_it_is: &str,
+) -> String {
     let names: Vec<String> = effects.iter().map(|effect| plain(&effect.name)).collect();
     let names = names.join(", ");
     let share = explained.map_or(String::new(), |fraction| {
-        format!(" It explains {:.0} % of the gap on runs that were not used.", 100.0 * fraction)
+        format!(
+            " It explains {:.0} % of the gap on runs that were not used.",
+            100.0 * fraction
+        )
     });
     match verdict {
         Verdict::NoDiscrepancy => {
             "Twin and measurement agree as well as in the references: nothing is to be named.".to_owned()
         }
-        Verdict::Unexplained => format!("The disagreement is real and no effect of the library explains it. {where_it_is}"),
+        Verdict::Unexplained => {
+            format!("The disagreement is real and no effect of the library explains it. {where_it_is}")
+        }
         Verdict::Confirmed => format!("Missing in the twin: {names}.{share}"),
         Verdict::Partial => format!("Missing in the twin: {names}, but not proven or not all.{share}"),
         Verdict::Ambiguous => format!("Missing in the twin: {names} or its like; another run can tell.{share}"),

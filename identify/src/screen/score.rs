@@ -89,7 +89,10 @@ fn score(candidate: &Candidate, gram: &Square, rows: &[usize]) -> Score {
             Score {
                 gain: gains[0].0,
                 sensitivity: rows.iter().map(|row| strength(*row)).fold(0.0, f64::max),
-                start: starts.first().cloned().unwrap_or_else(|| candidate.columns[best].values.clone()),
+                start: starts
+                    .first()
+                    .cloned()
+                    .unwrap_or_else(|| candidate.columns[best].values.clone()),
                 more_starts: starts.into_iter().skip(1).collect(),
                 best_column: rows[best],
             }
@@ -109,7 +112,11 @@ fn scaled(candidate: &Candidate, position: usize, coefficient: f64) -> Vec<f64> 
             if axis.carries_size && axis.neutral.is_finite() {
                 let scaled = axis.neutral + coefficient * (value - axis.neutral);
                 // Factors of friction and gains end at nothing.
-                if axis.neutral == 1.0 && value < &1.0 { scaled.max(0.5 * value) } else { scaled }
+                if axis.neutral == 1.0 && value < &1.0 {
+                    scaled.max(0.5 * value)
+                } else {
+                    scaled
+                }
             } else {
                 *value
             }
@@ -175,7 +182,10 @@ pub fn thresholds(candidates: &[Candidate], gram: &Square, level: f64, seed: u64
             replicate.set(row + 1, 0, value);
             replicate.set(0, row + 1, value);
         }
-        let best = scores(candidates, &replicate).iter().map(|score| score.gain).fold(0.0, f64::max);
+        let best = scores(candidates, &replicate)
+            .iter()
+            .map(|score| score.gain)
+            .fold(0.0, f64::max);
         largest.push(best);
     }
     largest.sort_by(f64::total_cmp);

@@ -19,7 +19,9 @@ pub fn all_residuals(
     records: &[Record],
     hypothesis: &Hypothesis,
 ) -> Result<Vec<Option<Vec<f64>>>, Cancelled> {
-    gathered(workers, records.len(), &|r| residuals(&records[r], hypothesis, Stages::BOTH, None))
+    gathered(workers, records.len(), &|r| {
+        residuals(&records[r], hypothesis, Stages::BOTH, None)
+    })
 }
 
 /// Columns `[change][record]`: change of the prediction per step; zeros where the change cannot be simulated.

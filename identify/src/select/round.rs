@@ -12,6 +12,10 @@ use crate::workers::{Cancelled, Workers, gathered};
 
 /// Most candidates that are fitted in a round.
 const SHORT_LIST: usize = 10;
+/// Slow to simulate: fitted only among the first three.
+const SLOW: &str = "longitudinal_slip";
+/// Share of the threshold below which old sensitivities are enough to stop.
+const NOTHING_LEFT: f64 = 0.7;
 /// Share of null replicates below the threshold.
 const LEVEL: f64 = 0.995;
 /// Decrease on validation runs that chance does not give, for one candidate (chi^2 of one, 99 %).
@@ -92,12 +96,48 @@ struct Fitted {
     position: usize,
 }
 
+/// Sensitivities of all candidates' columns on the training runs, `[column][record]`, kept from round to round.
+#[derive(Debug, Default)]
+pub struct Sensitivities {
+    columns: Vec<Vec<Vec<f64>>>,
+    /// Taken at the present model.
+    is_fresh: bool,
+}
+
+impl Sensitivities {
+    /// The model has changed: good enough to see that nothing is left, not to choose with.
+    pub fn outdate(&mut self) {
+        self.is_fresh = false;
+    }
+}
+
 /// Runs a round.
-pub fn round(workers: &dyn Workers, data: &Round) -> Result<Stop, Cancelled> {
-    let gram = screen(workers, data)?;
+pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Sensitivities) -> Result<Stop, Cancelled> {
+    let mut gram = None;
+    if !kept.columns.is_empty() {
+        let old = products(data, &kept.columns);
+        let most = scores(data.candidates, &old)
+            .iter()
+            .map(|score| score.gain)
+            .fold(0.0, f64::max);
+        let threshold = thresholds(data.candidates, &old, LEVEL, data.seed) * data.floor.inflation();
+        if kept.is_fresh || most < NOTHING_LEFT * threshold {
+            gram = Some(old);
+        }
+    }
+    let gram = match gram {
+        Some(gram) => gram,
+        None => {
+            kept.columns = sensitivities(workers, data)?;
+            kept.is_fresh = true;
+            products(data, &kept.columns)
+        }
+    };
     let scores = scores(data.candidates, &gram);
     let threshold = thresholds(data.candidates, &gram, LEVEL, data.seed) * data.floor.inflation();
-    let mut order: Vec<usize> = (0..data.candidates.len()).filter(|c| scores[*c].gain > threshold).collect();
+    let mut order: Vec<usize> = (0..data.candidates.len())
+        .filter(|c| scores[*c].gain > threshold)
+        .collect();
     order.sort_by(|a, b| scores[*b].gain.total_cmp(&scores[*a].gain).then(a.cmp(b)));
     let order = short_list(data.candidates, &order);
     let mut stop = Stop {
@@ -130,7 +170,8 @@ pub fn round(workers: &dyn Workers, data: &Round) -> Result<Stop, Cancelled> {
         for (position, (finalist, _)) in pairs.iter().enumerate() {
             let deficit = best_gain - finalist.gain();
             let alike = finalist.cosine > SAME && deficit < slack + 0.03 * best_gain;
-            let other = finalist.member.candidate.entry.name != name || finalist.member.candidate.index != pairs[best].0.member.candidate.index;
+            let other = finalist.member.candidate.entry.name != name
+                || finalist.member.candidate.index != pairs[best].0.member.candidate.index;
             let plausible = finalist.harmful < 0.2 && finalist.size >= 0.5;
             if position != best && other && plausible && (deficit < slack || alike) {
                 stop.alternatives.push(position);
@@ -146,16 +187,19 @@ fn short_list(candidates: &[Candidate], order: &[usize]) -> Vec<usize> {
     let mut list: Vec<usize> = Vec::new();
     for candidate in order {
         let name = candidates[*candidate].entry.name;
-        let same = list.iter().filter(|other| candidates[**other].entry.name == name).count();
-        if same < 2 && list.len() < SHORT_LIST {
+        let same = list
+            .iter()
+            .filter(|other| candidates[**other].entry.name == name)
+            .count();
+        let late = name == SLOW && list.len() >= 3;
+        if same < 2 && list.len() < SHORT_LIST && !late {
             list.push(*candidate);
         }
     }
     list
 }
 
-/// Products of the residual and all columns on the training runs.
-fn screen(workers: &dyn Workers, data: &Round) -> Result<crate::linear::Square, Cancelled> {
+fn sensitivities(workers: &dyn Workers, data: &Round) -> Result<Vec<Vec<Vec<f64>>>, Cancelled> {
     let mut changes = Vec::new();
     for candidate in data.candidates {
         for column in &candidate.columns {
@@ -166,17 +210,26 @@ fn screen(workers: &dyn Workers, data: &Round) -> Result<crate::linear::Square, 
             });
         }
     }
-    let columns = columns(workers, data.train.records, data.train.residuals, &changes)?;
-    let mut vectors: Vec<Vec<&[f64]>> = vec![data.train.residuals.iter().map(Vec::as_slice).collect()];
-    vectors.extend(columns.iter().map(|column| column.iter().map(Vec::as_slice).collect::<Vec<_>>()));
-    Ok(data.train.metric.gram(&vectors))
+    columns(workers, data.train.records, data.train.residuals, &changes)
+}
+
+/// Products of the residual and all columns on the training runs.
+fn products(data: &Round, columns: &[Vec<Vec<f64>>]) -> crate::linear::Square {
+    let mut vectors: Vec<Vec<&[f64]>> = vec![slices(data.train.residuals)];
+    vectors.extend(columns.iter().map(|column| slices(column)));
+    data.train.metric.gram(&vectors)
 }
 
 fn fits(workers: &dyn Workers, data: &Round, order: &[usize], scores: &[Score]) -> Result<Vec<Fitted>, Cancelled> {
     let mut starts: Vec<(usize, Vec<f64>)> = Vec::new();
     for candidate in order {
         starts.push((*candidate, scores[*candidate].start.clone()));
-        starts.extend(scores[*candidate].more_starts.iter().map(|start| (*candidate, start.clone())));
+        starts.extend(
+            scores[*candidate]
+                .more_starts
+                .iter()
+                .map(|start| (*candidate, start.clone())),
+        );
     }
     let problem = Problem {
         records: data.train.records,
@@ -249,7 +302,10 @@ fn judge(data: &Round, fitted: &Fitted, threshold: f64) -> Finalist {
         return finalist;
     };
     if !changed.is_empty() {
-        let gram = data.validation.metric.gram(&[slices(data.validation.residuals), slices(&changed)]);
+        let gram = data
+            .validation
+            .metric
+            .gram(&[slices(data.validation.residuals), slices(&changed)]);
         finalist.gain_validation = gram.at(0, 0) - gram.at(1, 1);
         finalist.harmful = harmful(data, &changed);
     }
@@ -265,7 +321,13 @@ fn harmful(data: &Round, changed: &[Vec<f64>]) -> f64 {
     let mut random = Random::new(data.seed, 0x6861_726d);
     let mut runs: Vec<Vec<f64>> = Vec::new();
     for (run, record) in data.validation.records.iter().enumerate() {
-        runs.push(window_gains(data.validation.metric, run, record, &data.validation.residuals[run], &changed[run]));
+        runs.push(window_gains(
+            data.validation.metric,
+            run,
+            record,
+            &data.validation.residuals[run],
+            &changed[run],
+        ));
     }
     let mut worse = 0;
     for _ in 0..REPLICATES {
@@ -338,10 +400,19 @@ fn gate(data: &Round, finalist: &Finalist, threshold: f64) -> Option<String> {
             100.0 * finalist.in_references
         ));
     }
-    let at_bound = finalist.member.candidate.axes.iter().zip(&finalist.member.values).any(|(axis, value)| {
-        axis.carries_size && axis.neutral.is_finite() && axis.low != axis.neutral && axis.high != axis.neutral
-            && (value <= &axis.low || value >= &axis.high)
-    });
+    let at_bound = finalist
+        .member
+        .candidate
+        .axes
+        .iter()
+        .zip(&finalist.member.values)
+        .any(|(axis, value)| {
+            axis.carries_size
+                && axis.neutral.is_finite()
+                && axis.low != axis.neutral
+                && axis.high != axis.neutral
+                && (value <= &axis.low || value >= &axis.high)
+        });
     at_bound.then(|| "its best value is at the end of the possible range".to_owned())
 }
 
