@@ -176,6 +176,12 @@ fn parameters(case: &Case, position: usize, finalist: &Finalist) -> Vec<Paramete
             .fit
             .as_ref()
             .map_or(f64::INFINITY, |fit: &Fit| fit.sigma(position, a));
+        let scatter = case
+            .scatter
+            .iter()
+            .find(|(free, _)| *free == (position, a))
+            .map_or(0.0, |(_, scatter)| *scatter);
+        let sigma = (sigma * sigma + scatter * scatter).sqrt();
         let end = |value: f64| value.is_finite().then(|| rounded(value));
         let known = value.is_finite() && sigma.is_finite();
         ParameterValue {

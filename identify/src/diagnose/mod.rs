@@ -106,6 +106,8 @@ struct Case<'a> {
     locked: Vec<Record>,
     taken: Vec<Taken>,
     fit: Option<Fit>,
+    /// Standard errors from the scatter of runs, by (member, axis).
+    scatter: Vec<((usize, usize), f64)>,
     first_scores: Vec<Score>,
     first_threshold: f64,
     last: Option<Stop>,
@@ -164,6 +166,7 @@ pub fn diagnose(workers: &dyn Workers, input: &Input) -> Result<Diagnosis, Diagn
         locked: locked_records,
         taken: Vec::new(),
         fit: None,
+        scatter: Vec::new(),
         first_scores: Vec::new(),
         first_threshold: 0.0,
         last: None,
@@ -331,6 +334,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
     let mut reference_metric = reference_metric(&case.floor);
     case.located = locate(&case.floor, &train.records, &train.residuals);
     levels(case, reference_metric.as_ref(), &train, &validation);
+    add_places(&mut case.candidates, &case.located);
     let mut members: Vec<Member> = Vec::new();
     let mut kept = Sensitivities::default();
     for number in 0..MOST_EFFECTS + MOST_ABSORBED {
@@ -444,6 +448,11 @@ fn finish(
     };
     case.fit = fit(&problem, members);
     if let Some(fit) = &case.fit {
+        case.scatter = fit
+            .free
+            .iter()
+            .map(|(m, a)| ((*m, *a), fit.scatter(&both.metric, *m, *a)))
+            .collect();
         for (taken, member) in case.taken.iter_mut().zip(&fit.members) {
             taken.finalist.member = member.clone();
             taken.finalist.size = member.candidate.size(&member.values);
@@ -451,6 +460,24 @@ fn finish(
         }
     }
     Ok(())
+}
+
+/// Where the gap is on the floor, as places of a patch.
+fn add_places(candidates: &mut [Candidate], located: &Located) {
+    let Some(patch) = candidates
+        .iter_mut()
+        .find(|candidate| candidate.entry.name == "low_friction_patch")
+    else {
+        return;
+    };
+    for (x_m, y_m) in located.loud_places() {
+        for radius_m in [0.3, 0.5] {
+            patch.columns.push(crate::hypothesis::Column {
+                values: vec![x_m, y_m, radius_m, 0.4],
+                axis: 0,
+            });
+        }
+    }
 }
 
 fn taken(stop: &Stop, accepted: usize) -> Taken {

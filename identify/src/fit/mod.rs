@@ -33,6 +33,8 @@ pub struct Fit {
     pub covariance: Square,
     /// Position of the member and of its axis.
     pub free: Vec<(usize, usize)>,
+    /// Change of the prediction per unit of every free axis, `[axis][record]`.
+    pub jacobian: Vec<Vec<Vec<f64>>>,
     pub simulations: usize,
 }
 
@@ -138,7 +140,9 @@ pub fn fit(problem: &Problem, start: Vec<Member>) -> Option<Fit> {
     let mut energy = search.energy(&now);
     let mut damping = 1e-2;
     let mut covariance = Square::zero(free.len());
-    for iteration in 0..MOST_ITERATIONS {
+    let mut slopes = Vec::new();
+    let mut searches = 0;
+    for _ in 0..MOST_ITERATIONS {
         let jacobian = jacobian(&mut search, &members, &free, &now);
         let mut vectors: Vec<Vec<&[f64]>> = vec![now.iter().map(Vec::as_slice).collect()];
         vectors.extend(
@@ -167,10 +171,16 @@ pub fn fit(problem: &Problem, start: Vec<Member>) -> Option<Fit> {
         }
         let gained = before - energy;
         if gained < LEAST_GAIN || gained < LEAST_SHARE * (base_energy - energy) {
-            if iteration > 0 || !pattern(&mut search, &mut members, &free, &mut now, &mut energy) {
+            slopes = jacobian;
+            let rough = members.iter().any(|member| is_rough(&member.candidate));
+            searches += 1;
+            let again = searches < 4 && (rough || searches == 1);
+            if !again || !pattern(&mut search, &mut members, &free, &mut now, &mut energy, searches) {
                 break;
             }
             damping = 1e-2;
+        } else {
+            slopes = jacobian;
         }
     }
     Some(Fit {
@@ -179,6 +189,7 @@ pub fn fit(problem: &Problem, start: Vec<Member>) -> Option<Fit> {
         residuals: now,
         covariance,
         free,
+        jacobian: slopes,
         simulations: search.simulations,
     })
 }
@@ -245,6 +256,18 @@ fn moved(members: &[Member], free: &[(usize, usize)], step: &[f64]) -> Vec<Membe
     moved
 }
 
+/// Laws with corners, where slopes lie.
+fn is_rough(candidate: &Candidate) -> bool {
+    const ROUGH: [&str; 5] = [
+        "command_dead_band",
+        "gear_backlash",
+        "low_friction_patch",
+        "steering_backlash",
+        "cable_drag",
+    ];
+    ROUGH.contains(&candidate.entry.name)
+}
+
 /// One round of steps along the axes; true when one of them gained.
 fn pattern(
     search: &mut Search,
@@ -252,11 +275,13 @@ fn pattern(
     free: &[(usize, usize)],
     now: &mut Vec<Vec<f64>>,
     energy: &mut f64,
+    round: i32,
 ) -> bool {
     let before = *energy;
+    let finer = [1.0, 0.5, 0.25, 0.12][(round.clamp(1, 4) - 1) as usize];
     for (m, a) in free {
         let axis = members[*m].candidate.axes[*a];
-        for factor in [2.0, -2.0, 0.7, -0.7] {
+        for factor in [2.0 * finer, -2.0 * finer, 0.7 * finer, -0.7 * finer] {
             let mut trial = members.clone();
             let value = trial[*m].values[*a];
             let unit = scale(&axis, value);
@@ -275,6 +300,38 @@ fn pattern(
 }
 
 impl Fit {
+    /// Scatter of an axis from run to run as a standard error of its mean, in its unit; 0 with fewer than three runs.
+    pub fn scatter(&self, metric: &Metric, member: usize, axis: usize) -> f64 {
+        let Some(position) = self.free.iter().position(|free| *free == (member, axis)) else {
+            return 0.0;
+        };
+        let runs = self.residuals.len();
+        if runs < 3 || self.jacobian.len() != self.free.len() {
+            return 0.0;
+        }
+        let mut steps: Vec<(f64, f64)> = Vec::new();
+        for run in 0..runs {
+            let mut vectors: Vec<&[f64]> = vec![&self.residuals[run]];
+            vectors.extend(self.jacobian.iter().map(|column| column[run].as_slice()));
+            let gram = metric.gram_of_run(run, &vectors);
+            let rows: Vec<usize> = (1..=self.free.len()).collect();
+            let normal = regularised(&gram.part(&rows), 1e-3);
+            let right: Vec<f64> = rows.iter().map(|row| gram.at(*row, 0)).collect();
+            let factor = normal.cholesky();
+            let variance = factor.inverse().at(position, position);
+            steps.push((factor.solve(&right)[position], 1.0 / variance.max(1e-30)));
+        }
+        let total: f64 = steps.iter().map(|step| step.1).sum();
+        let mean = steps.iter().map(|(step, weight)| step * weight).sum::<f64>() / total;
+        let spread: f64 = steps
+            .iter()
+            .map(|(step, weight)| weight * (step - mean) * (step - mean))
+            .sum::<f64>()
+            / total;
+        let described = &self.members[member].candidate.axes[axis];
+        (spread / (runs - 1) as f64).sqrt() * scale(described, self.members[member].values[axis])
+    }
+
     /// Standard deviation of an axis, in its unit; infinite when it was not fitted.
     pub fn sigma(&self, member: usize, axis: usize) -> f64 {
         let Some(position) = self.free.iter().position(|free| *free == (member, axis)) else {

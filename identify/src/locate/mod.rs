@@ -17,6 +17,44 @@ pub struct Located {
     pub floor_map: FloorMap,
 }
 
+/// Places on the floor that are worth a start.
+const PLACES: usize = 3;
+/// Distance within which cells belong to a place, m.
+const NEAR_M: f64 = 0.5;
+
+impl Located {
+    /// Centres of the loudest parts of the floor.
+    pub fn loud_places(&self) -> Vec<(f64, f64)> {
+        let map = &self.floor_map;
+        let mut left: Vec<f64> = map.energy.iter().map(|energy| (energy - 1.0).max(0.0)).collect();
+        let mut places = Vec::new();
+        while places.len() < PLACES {
+            let near = |a: usize, b: usize| {
+                let (dx, dy) = (map.x_m[a] - map.x_m[b], map.y_m[a] - map.y_m[b]);
+                dx * dx + dy * dy < NEAR_M * NEAR_M
+            };
+            let mass = |k: usize| {
+                (0..left.len())
+                    .filter(|other| near(k, *other))
+                    .map(|other| left[other])
+                    .sum::<f64>()
+            };
+            let Some(best) = (0..left.len()).max_by(|a, b| mass(*a).total_cmp(&mass(*b))) else {
+                break;
+            };
+            let total = mass(best);
+            if total <= 0.0 {
+                break;
+            }
+            let own: Vec<usize> = (0..left.len()).filter(|other| near(best, *other)).collect();
+            let mean = |values: &[f64]| own.iter().map(|k| left[*k] * values[*k]).sum::<f64>() / total;
+            places.push((mean(&map.x_m), mean(&map.y_m)));
+            own.iter().for_each(|k| left[*k] = 0.0);
+        }
+        places
+    }
+}
+
 /// Bins of a state variable.
 const BINS: usize = 8;
 /// Side of a floor cell, m.

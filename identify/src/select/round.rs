@@ -24,6 +24,8 @@ const VALIDATION_GAIN: f64 = 6.6;
 const CONSISTENT: f64 = 0.2;
 /// Half-splits, and bootstrap replicates.
 const REPLICATES: usize = 200;
+/// A finalist that is the best in a smaller share of half-splits is not taken.
+const UNSTABLE: f64 = 0.5;
 /// Cosine from which two effects are one to these runs.
 const SAME: f64 = 0.95;
 /// Difference of gains, as a share, that the laws' own inaccuracy makes.
@@ -172,7 +174,7 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Sensitivities) -> R
             let alike = finalist.cosine > SAME && deficit < slack + 0.03 * best_gain;
             let other = finalist.member.candidate.entry.name != name
                 || finalist.member.candidate.index != pairs[best].0.member.candidate.index;
-            let plausible = finalist.harmful < 0.2 && finalist.size >= 0.5;
+            let plausible = finalist.because.is_none() && finalist.size >= 0.5;
             if position != best && other && plausible && (deficit < slack || alike) {
                 stop.alternatives.push(position);
             }
@@ -433,17 +435,25 @@ fn stability(data: &Round, pairs: &mut [(Finalist, &Fitted)]) {
     if windows == 0 {
         return;
     }
+    let passes: Vec<bool> = pairs.iter().map(|(finalist, _)| finalist.because.is_none()).collect();
     let mut wins = vec![0.0; pairs.len()];
     let mut random = Random::new(data.seed, 0x6861_6c66);
     for _ in 0..REPLICATES {
         let half: Vec<usize> = (0..windows).filter(|_| random.uniform() < 0.5).collect();
         let sums: Vec<f64> = gains.iter().map(|gain| half.iter().map(|w| gain[*w]).sum()).collect();
-        let best = sums.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let open = sums.iter().zip(&passes).filter(|(_, passes)| **passes);
+        let best = open.map(|(sum, _)| *sum).fold(f64::NEG_INFINITY, f64::max);
         for (win, sum) in wins.iter_mut().zip(&sums) {
-            *win += f64::from(u8::from(*sum >= 0.97 * best && *sum > 0.0));
+            *win += f64::from(u8::from(*sum >= 0.95 * best && *sum > 0.0));
         }
     }
     for ((finalist, _), win) in pairs.iter_mut().zip(wins) {
         finalist.stability = win / REPLICATES as f64;
+        if finalist.because.is_none() && finalist.stability < UNSTABLE {
+            finalist.because = Some(format!(
+                "is the best in {:.0} % of half-splits only",
+                100.0 * finalist.stability
+            ));
+        }
     }
 }
