@@ -97,7 +97,10 @@ fn from_folder(path: &Path, robot: Option<&str>) -> anyhow::Result<Files> {
 fn from_zip(path: &Path, robot: Option<&str>) -> anyhow::Result<Files> {
     let file = std::fs::File::open(path).context("cannot be opened: neither a folder nor a readable file")?;
     let mut zip = zip::ZipArchive::new(file).context("is no zip file")?;
-    let names: Vec<String> = zip.file_names().map(str::to_owned).collect();
+    let names: Vec<String> = zip
+        .file_names()
+        .filter_map(|name| Some(name.ok()?.into_owned()))
+        .collect();
     let mut roots: Vec<String> = names
         .iter()
         .filter_map(|name| name.strip_suffix("run.json").map(str::to_owned))

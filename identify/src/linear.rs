@@ -1,5 +1,8 @@
 //! Small dense symmetric systems.
 
+// Sums over rows and columns read better by their indices.
+#![allow(clippy::needless_range_loop)]
+
 /// A square matrix, row by row.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Square {

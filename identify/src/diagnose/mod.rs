@@ -368,23 +368,30 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
             case.first_scores = stop.scores.clone();
             case.first_threshold = stop.threshold;
         }
+        if validation.records.is_empty() {
+            case.remarks.push(
+                "one run: nothing is named, since nothing could be checked on a run that was not used".to_owned(),
+            );
+            case.last = Some(stop);
+            break;
+        }
         let background = stop.finalists.iter().find(|finalist| match stop.accepted {
             Some(accepted) => core::ptr::eq(*finalist, &stop.finalists[accepted]),
             None => finalist.in_references > 0.5,
         });
-        if let (Some(metric), Some(finalist)) = (&reference_metric, background) {
-            if absorb(&mut case.floor, metric, finalist, train.records.len()) {
-                reference_metric = self::reference_metric(&case.floor);
-                let model = with_members(&case.floor.model, &members);
-                train.renew(workers, &case.floor, &model)?;
-                validation.renew(workers, &case.floor, &model)?;
-                if members.is_empty() {
-                    case.located = locate(&case.floor, &train.records, &train.residuals);
-                    levels(case, reference_metric.as_ref(), &train, &validation);
-                }
-                case.last = Some(stop);
-                continue;
+        if let (Some(metric), Some(finalist)) = (&reference_metric, background)
+            && absorb(&mut case.floor, metric, finalist, train.records.len())
+        {
+            reference_metric = self::reference_metric(&case.floor);
+            let model = with_members(&case.floor.model, &members);
+            train.renew(workers, &case.floor, &model)?;
+            validation.renew(workers, &case.floor, &model)?;
+            if members.is_empty() {
+                case.located = locate(&case.floor, &train.records, &train.residuals);
+                levels(case, reference_metric.as_ref(), &train, &validation);
             }
+            case.last = Some(stop);
+            continue;
         }
         let Some(accepted) = stop.accepted.filter(|_| members.len() < MOST_EFFECTS) else {
             case.last = Some(stop);

@@ -1,5 +1,8 @@
 //! The nominal model on references, and what is left.
 
+// Sums over rows and columns read better by their indices.
+#![allow(clippy::needless_range_loop)]
+
 use super::metric::{Metric, dot};
 use super::noise::NoiseModel;
 use crate::hypothesis::{Hypothesis, Knob, realised};

@@ -4,6 +4,9 @@
 //! all runs, covariance C), the variation from run to run (b, covariance L), and noise of weight W. The product is that
 //! of the inverse covariance, by Woodbury's formula twice; everything small is the number of knobs.
 
+// Sums over rows and columns read better by their indices.
+#![allow(clippy::needless_range_loop)]
+
 use crate::linear::{Factor, Square};
 
 /// One run.

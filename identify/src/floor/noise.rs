@@ -1,5 +1,8 @@
 //! How large residuals are where nothing is changed: sensor noise, and model error that grows with what happens.
 
+// Sums over rows and columns read better by their indices.
+#![allow(clippy::needless_range_loop)]
+
 use twin::robot::RobotDescription;
 
 use crate::record::{CLASSES, Record};

@@ -231,7 +231,7 @@ fn region(entries: &[Entry], class: usize, variable: usize) -> Option<Region> {
         return None;
     }
     let width = (high - low) / BINS as f64;
-    let mut bins = vec![(0.0, 0.0, 0.0); BINS];
+    let mut bins = [(0.0, 0.0, 0.0); BINS];
     for entry in &own {
         let bin = (((entry.state[variable] - low) / width) as usize).min(BINS - 1);
         bins[bin].0 += entry.energy;
