@@ -9,12 +9,12 @@ use identify::diagnose::{Input, diagnose};
 use identify::workers::Workers;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-struct Threads(usize, std::time::Instant);
+struct Threads(usize);
 
 impl Workers for Threads {
     fn progress(&self, stage: &str, _share: f64) {
         if std::env::var_os("LONG").is_some() {
-            eprintln!("{:7.2} s {stage}", self.1.elapsed().as_secs_f64());
+            eprintln!("{stage}");
         }
     }
 
@@ -66,8 +66,7 @@ fn main() {
         model: None,
         seed: 1,
     };
-    let clock = std::time::Instant::now();
-    match diagnose(&Threads(number(6, 2), clock), &input) {
+    match diagnose(&Threads(number(6, 2)), &input) {
         Ok(found) => {
             let report = &found.report;
             let names: Vec<String> = report
@@ -100,11 +99,10 @@ fn main() {
                 })
                 .collect();
             println!(
-                "{chassis} {effect} {size} seed {seed}: {:?} {} explained {:?} {:.1} s",
+                "{chassis} {effect} {size} seed {seed}: {:?} {} explained {:?}",
                 report.verdict,
                 names.join(" ; "),
-                report.explained_fraction,
-                clock.elapsed().as_secs_f64()
+                report.explained_fraction
             );
             if std::env::var_os("LONG").is_some() {
                 println!("{}", report.text());

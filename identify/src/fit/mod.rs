@@ -42,6 +42,8 @@ const MOST_ITERATIONS: usize = 8;
 /// A step that gains less than this and this share of the gain ends the fit.
 const LEAST_GAIN: f64 = 0.3;
 const LEAST_SHARE: f64 = 0.002;
+/// Most steps of a pattern search along an axis.
+const MOST_MOVES: usize = 4;
 
 /// The hypothesis with all members.
 pub fn with_members(base: &Hypothesis, members: &[Member]) -> Hypothesis {
@@ -174,8 +176,9 @@ pub fn fit(problem: &Problem, start: Vec<Member>) -> Option<Fit> {
             slopes = jacobian;
             let rough = members.iter().any(|member| is_rough(&member.candidate));
             searches += 1;
-            let again = searches < 4 && (rough || searches == 1);
-            if !again || !pattern(&mut search, &mut members, &free, &mut now, &mut energy, searches) {
+            let again = searches < 5 && (rough || searches == 1);
+            let found = again && pattern(&mut search, &mut members, &free, &mut now, &mut energy, searches);
+            if !found && !(again && rough) {
                 break;
             }
             damping = 1e-2;
@@ -278,21 +281,32 @@ fn pattern(
     round: i32,
 ) -> bool {
     let before = *energy;
-    let finer = [1.0, 0.5, 0.25, 0.12][(round.clamp(1, 4) - 1) as usize];
+    let finer = [1.0, 0.5, 0.25, 0.12, 0.06][(round.clamp(1, 5) - 1) as usize];
     for (m, a) in free {
         let axis = members[*m].candidate.axes[*a];
-        for factor in [2.0 * finer, -2.0 * finer, 0.7 * finer, -0.7 * finer] {
+        let mut direction = 1.0;
+        let mut turned = false;
+        let mut moves = 0;
+        while moves < MOST_MOVES {
             let mut trial = members.clone();
             let value = trial[*m].values[*a];
             let unit = scale(&axis, value);
-            trial[*m].values[*a] = clamped(&axis, value + factor * unit);
-            let Some(residuals) = search.simulate(&trial) else {
-                continue;
-            };
-            let trial_energy = search.energy(&residuals);
-            if trial_energy < *energy {
-                (*members, *now, *energy) = (trial, residuals, trial_energy);
-                break;
+            trial[*m].values[*a] = clamped(&axis, value + direction * finer * unit);
+            let better = search
+                .simulate(&trial)
+                .filter(|residuals| search.energy(residuals) < *energy);
+            match better {
+                Some(residuals) => {
+                    *energy = search.energy(&residuals);
+                    (*members, *now) = (trial, residuals);
+                    moves += 1;
+                    turned = true;
+                }
+                None if turned => break,
+                None => {
+                    direction = -direction;
+                    turned = true;
+                }
             }
         }
     }

@@ -13,6 +13,9 @@ use crate::channel::Channel;
 
 /// Shortest compared part of the last window, s.
 const SHORTEST_WINDOW_S: f64 = 0.8;
+/// Start of a run over which the battery is read, s, and the share of the current limit that counts as rest.
+const SETTLED_S: f64 = 0.5;
+const RESTING: f64 = 0.05;
 /// Two rows closer than this are one, s.
 const SAME_ROW_S: f64 = 1e-5;
 /// A sample further from its neighbours' median than this many median deviations is a fault of the recorder.
@@ -48,6 +51,7 @@ pub(super) fn record(name: &str, bundle: &Bundle) -> Record {
         name: name.to_owned(),
         windows: Vec::new(),
         input: source.input.clone(),
+        supply_ratio: supply_ratio(&source).unwrap_or(1.0),
         largest_command_rad_per_s: largest_command(&source),
         outliers: source.track.outliers,
         skipped: 0,
@@ -129,6 +133,28 @@ fn without_spikes(line: Line) -> Line {
         }
     }
     kept
+}
+
+/// Over the first 0.5 s, if the motors rest then; `None` without a bus channel or when it says something impossible.
+fn supply_ratio(source: &Source) -> Option<f64> {
+    let motor = source.bundle.run.robot.motor.as_ref()?;
+    let until_s = source.bundle.telemetry.time_s.first()? + SETTLED_S;
+    let mean = |line: &Line| {
+        let count = line.time_s.partition_point(|t| *t < until_s);
+        (count > 4).then(|| line.values[..count].iter().sum::<f64>() / count as f64)
+    };
+    let limit_a = motor.current_limit_a.unwrap_or(motor.supply_v / motor.resistance_ohm);
+    let mut bus_v = None;
+    for (quantity, line) in &source.lines {
+        match quantity {
+            Quantity::Current(_) if mean(line).is_some_and(|a| a.abs() > RESTING * limit_a) => return None,
+            Quantity::Bus => bus_v = mean(line),
+            _ => {}
+        }
+    }
+    bus_v
+        .map(|bus_v| bus_v / motor.supply_v)
+        .filter(|ratio| (0.7..1.3).contains(ratio))
 }
 
 fn largest_command(source: &Source) -> f64 {

@@ -133,6 +133,8 @@ pub struct Record {
     pub name: String,
     pub windows: Vec<Window>,
     pub input: Option<RollingInput>,
+    /// Bus voltage at rest at the start of the run over the description's supply: the battery's charge is a start state.
+    pub supply_ratio: f64,
     /// Largest |set-point| of a wheel, rad/s.
     pub largest_command_rad_per_s: f64,
     /// Poses left out as flips or jumps of the tracker.

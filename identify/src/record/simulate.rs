@@ -43,7 +43,11 @@ const SUPPLY_LEFT: f64 = 0.5;
 /// Residuals of a run, in the order of [`Record::places`]; `None` when the hypothesis cannot be simulated.
 pub fn residuals(record: &Record, hypothesis: &Hypothesis, stages: Stages, base: Option<&[f64]>) -> Option<Vec<f64>> {
     let mut out = Vec::with_capacity(record.len());
-    let drive = Cached::new(hypothesis.clone());
+    let mut charged = hypothesis.clone();
+    if let Some(motor) = &mut charged.description.motor {
+        motor.supply_v *= record.supply_ratio;
+    }
+    let drive = Cached::new(charged);
     let rolling = Cached::new(hypothesis.rolling(record.input.as_ref().is_some_and(|input| input.steering.is_some())));
     for window in &record.windows {
         for (chain, cached, wanted, is_rolling) in [

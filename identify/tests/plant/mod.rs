@@ -156,7 +156,7 @@ fn plan(robot: &Robot, noise: &mut Noise, seconds: usize) -> Vec<BodyTwist> {
             }
             let mut end = at;
             for _ in 0..20 {
-                let (s, c) = end[2].sin_cos();
+                let (s, c) = libm::sincos(end[2]);
                 end[0] += 0.05 * (c * twist.forward_m_per_s - s * twist.left_m_per_s);
                 end[1] += 0.05 * (s * twist.forward_m_per_s + c * twist.left_m_per_s);
                 end[2] += 0.05 * twist.yaw_rate_rad_per_s;
@@ -303,7 +303,7 @@ fn record(
                 *w = slewed[m];
             }
             if change.lag_s > 0.0 {
-                lagged[m] += (1.0 - (-period / change.lag_s).exp()) * (*w - lagged[m]);
+                lagged[m] += (1.0 - libm::exp(-period / change.lag_s)) * (*w - lagged[m]);
                 *w = lagged[m];
             }
             let error = *w - states[m].motor.speed_rad_per_s;
