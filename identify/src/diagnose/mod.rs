@@ -137,8 +137,10 @@ pub fn diagnose(workers: &dyn Workers, input: &Input) -> Result<Diagnosis, Diagn
             .map_or_else(Vec::new, |model| model.effects.clone()),
         residual: input.model.as_ref().and_then(|model| model.residual.clone()),
     };
-    if given.robot().is_none() {
-        return Err(DiagnoseError::Model("a number is out of range".to_owned()));
+    if let Err(problem) =
+        twin::robot::Robot::with_model(given.description.clone(), &given.effects, given.residual.as_ref())
+    {
+        return Err(DiagnoseError::Model(format!("{}: {}", problem.field, problem.message)));
     }
     workers.progress("read", 0.02);
     let (records, mut remarks) = usable(&input.runs)?;
@@ -576,7 +578,8 @@ fn levels(case: &mut Case, reference_metric: Option<&Metric>, train: &Prepared, 
             // Few references do not show their whole scatter: at least a quarter of the mean.
             let sigma = variance.sqrt().max(0.25 * mean);
             case.energy_floor = mean;
-            case.energy_limit = mean + 3.0 * sigma * case.floor.inflation().sqrt();
+            // Energy as small as the noise itself is no gap, however quiet the references were.
+            case.energy_limit = (mean + 3.0 * sigma * case.floor.inflation().sqrt()).max(1.5);
         }
         None => {
             case.energy_floor = 1.0;

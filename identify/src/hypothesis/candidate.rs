@@ -275,7 +275,12 @@ fn stages(entry: &EffectEntry) -> Stages {
     if BOTH_SIDES.contains(&entry.name) {
         return Stages::BOTH;
     }
-    if POSE_ONLY.contains(&entry.name) || ["tag_height", "rolling_shutter"].contains(&entry.name) {
+    // Slow to simulate, and next to nothing of them shows in the drive chain.
+    const TYRE: [&str; 2] = ["longitudinal_slip", "lateral_slip"];
+    if TYRE.contains(&entry.name)
+        || POSE_ONLY.contains(&entry.name)
+        || ["tag_height", "rolling_shutter"].contains(&entry.name)
+    {
         return Stages {
             drive: false,
             rolling: true,

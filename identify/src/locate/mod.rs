@@ -80,7 +80,7 @@ pub const VARIABLES: [(Variable, &str, &str); 7] = [
     (Variable::Left, "commanded left speed", "m/s"),
     (Variable::YawRate, "commanded yaw rate", "rad/s"),
     (Variable::Command, "largest wheel set-point", "rad/s"),
-    (Variable::CommandChange, "change of the set-points in 0.3 s", "rad/s"),
+    (Variable::CommandChange, "set-point change in 0.3 s", "rad/s"),
     (Variable::Elapsed, "time since the start", "s"),
     (Variable::Heading, "heading", "rad"),
 ];

@@ -12,6 +12,9 @@ use crate::workers::{Cancelled, Workers, gathered};
 
 /// Most candidates that are fitted in a round.
 const SHORT_LIST: usize = 10;
+/// Beyond the first few, candidates with a smaller share of the best score are not fitted.
+const FITTED_ANYWAY: usize = 5;
+const WORTH_FITTING: f64 = 0.08;
 /// Slow to simulate: fitted only among the first three.
 const SLOW: &str = "longitudinal_slip";
 /// Share of the threshold below which old sensitivities are enough to stop.
@@ -141,7 +144,7 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Sensitivities) -> R
         .filter(|c| scores[*c].gain > threshold)
         .collect();
     order.sort_by(|a, b| scores[*b].gain.total_cmp(&scores[*a].gain).then(a.cmp(b)));
-    let order = short_list(data.candidates, &order);
+    let order = short_list(data.candidates, &order, &scores);
     let mut stop = Stop {
         scores,
         threshold,
@@ -185,8 +188,9 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Sensitivities) -> R
 }
 
 /// The best of the order, at most two wheels of the same effect.
-fn short_list(candidates: &[Candidate], order: &[usize]) -> Vec<usize> {
+fn short_list(candidates: &[Candidate], order: &[usize], scores: &[Score]) -> Vec<usize> {
     let mut list: Vec<usize> = Vec::new();
+    let best = order.first().map_or(0.0, |first| scores[*first].gain);
     for candidate in order {
         let name = candidates[*candidate].entry.name;
         let same = list
@@ -194,7 +198,8 @@ fn short_list(candidates: &[Candidate], order: &[usize]) -> Vec<usize> {
             .filter(|other| candidates[**other].entry.name == name)
             .count();
         let late = name == SLOW && list.len() >= 3;
-        if same < 2 && list.len() < SHORT_LIST && !late {
+        let weak = list.len() >= FITTED_ANYWAY && scores[*candidate].gain < WORTH_FITTING * best;
+        if same < 2 && list.len() < SHORT_LIST && !late && !weak {
             list.push(*candidate);
         }
     }

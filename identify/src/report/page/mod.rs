@@ -51,6 +51,17 @@ fn short(value: f64) -> String {
     }
 }
 
+/// A number at an axis.
+fn tick(value: f64) -> String {
+    if value.abs() >= 10.0 {
+        format!("{value:.0}")
+    } else if value.abs() >= 1.0 {
+        format!("{value:.1}")
+    } else {
+        format!("{value:.2}")
+    }
+}
+
 fn verdict_word(verdict: Verdict) -> (&'static str, &'static str) {
     match verdict {
         Verdict::Confirmed => ("confirmed", "confirmed"),
@@ -99,7 +110,7 @@ fn place(report: &Report) -> String {
             .edges
             .windows(2)
             .zip(&region.energy)
-            .map(|(edge, energy)| (short(0.5 * (edge[0] + edge[1])), *energy))
+            .map(|(edge, energy)| (tick(0.5 * (edge[0] + edge[1])), *energy))
             .collect();
         let title = format!(
             "{} over {}, {}; 1 = floor",
