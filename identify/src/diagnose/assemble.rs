@@ -226,7 +226,12 @@ fn named(case: &Case) -> Vec<NamedEffect> {
             .map(|other| Rejected {
                 name: other.member.candidate.entry.name.to_owned(),
                 because: other.because.clone().unwrap_or_else(|| {
-                    format!("gains {:.0}, {:.0} less", other.gain(), finalist.gain() - other.gain())
+                    format!(
+                        "gains {:.0} at {}, {:.0} less",
+                        other.gain(),
+                        values_of(other),
+                        finalist.gain() - other.gain()
+                    )
                 }),
             })
             .filter(|rejected| rejected.name != name && !alternatives.contains(&rejected.name))
@@ -257,6 +262,16 @@ fn named(case: &Case) -> Vec<NamedEffect> {
         effects.push(effect);
     }
     effects
+}
+
+/// Fitted values in words.
+fn values_of(finalist: &Finalist) -> String {
+    let axes = finalist.member.candidate.axes.iter().zip(&finalist.member.values);
+    let parts: Vec<String> = axes
+        .filter(|(_, value)| value.is_finite())
+        .map(|(axis, value)| format!("{} {}", axis.name, rounded((value * 1e4).round() / 1e4)))
+        .collect();
+    parts.join(", ")
 }
 
 fn is_taken(case: &Case, name: &str) -> bool {

@@ -27,8 +27,9 @@ const VALIDATION_GAIN: f64 = 6.6;
 const CONSISTENT: f64 = 0.2;
 /// Half-splits, and bootstrap replicates.
 const REPLICATES: usize = 200;
-/// A finalist that is the best in a smaller share of half-splits is not taken.
-const UNSTABLE: f64 = 0.5;
+/// A winner that is the best in a smaller share of half-splits has rivals: those that are the best in this share of them.
+const STABLE: f64 = 0.8;
+const RIVAL: f64 = 0.2;
 /// Cosine from which two effects are one to these runs.
 const SAME: f64 = 0.95;
 /// Difference of gains, as a share, that the laws' own inaccuracy makes.
@@ -178,7 +179,8 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Sensitivities) -> R
             let other = finalist.member.candidate.entry.name != name
                 || finalist.member.candidate.index != pairs[best].0.member.candidate.index;
             let plausible = finalist.because.is_none() && finalist.size >= 0.5;
-            if position != best && other && plausible && (deficit < slack || alike) {
+            let rival = pairs[best].0.stability < STABLE && finalist.stability > RIVAL;
+            if position != best && other && plausible && (deficit < slack || alike || rival) {
                 stop.alternatives.push(position);
             }
         }
@@ -454,11 +456,5 @@ fn stability(data: &Round, pairs: &mut [(Finalist, &Fitted)]) {
     }
     for ((finalist, _), win) in pairs.iter_mut().zip(wins) {
         finalist.stability = win / REPLICATES as f64;
-        if finalist.because.is_none() && finalist.stability < UNSTABLE {
-            finalist.because = Some(format!(
-                "is the best in {:.0} % of half-splits only",
-                100.0 * finalist.stability
-            ));
-        }
     }
 }
