@@ -339,6 +339,29 @@ fn absorbed(case: &Case, effects: &[NamedEffect]) -> Vec<Absorbed> {
             add(name, value);
         }
     }
+    for effect in &case.floor.absorbed {
+        let Some(entry) = LIBRARY.iter().find(|entry| entry.name == effect.name) else {
+            continue;
+        };
+        if mentioned(entry.name) {
+            continue;
+        }
+        for parameter in entry.parameters {
+            let value = Some(effect.value(parameter.name))
+                .filter(|value| value.is_finite())
+                .map(rounded);
+            add(
+                entry.name,
+                ParameterValue {
+                    name: parameter.name.to_owned(),
+                    value,
+                    low: value,
+                    high: value,
+                    unit: parameter.unit.to_owned(),
+                },
+            );
+        }
+    }
     all.sort_by(|a, b| a.name.cmp(&b.name));
     all
 }

@@ -229,6 +229,12 @@ fn usable(runs: &[Run]) -> Result<(Vec<Record>, Vec<String>), DiagnoseError> {
                 run.path, record.skipped
             ));
         }
+        if !run.bundle.telemetry.channels.keys().any(|channel| channel.is_command()) {
+            remarks.push(format!(
+                "{}: no set-points: commands, motors and battery are untestable with it",
+                run.path
+            ));
+        }
         for remark in &run.bundle.remarks {
             remarks.push(format!("{}: {} {}", run.path, remark.column, remark.message));
         }
@@ -339,6 +345,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
     add_places(&mut case.candidates, &case.located);
     let mut members: Vec<Member> = Vec::new();
     let mut kept = Sensitivities::default();
+    let mut explained = 0.0;
     for number in 0..MOST_EFFECTS + MOST_ABSORBED {
         workers.progress(
             &format!("round {}", number + 1),
@@ -362,6 +369,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
                 },
                 model: &model,
                 candidates: &case.candidates,
+                explained,
                 seed: case.input.seed,
             },
             &mut kept,
@@ -416,6 +424,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
             break;
         };
         members = joint.members.clone();
+        explained = joint.gain;
         let model = with_members(&case.floor.model, &members);
         train.renew(workers, &case.floor, &model)?;
         validation.renew(workers, &case.floor, &model)?;

@@ -178,7 +178,8 @@ pub fn fit(problem: &Problem, start: Vec<Member>) -> Option<Fit> {
             searches += 1;
             let again = searches < 5 && (rough || searches == 1);
             let found = again && pattern(&mut search, &mut members, &free, &mut now, &mut energy, searches);
-            if !found && !(again && rough) {
+            let search_finer = again && rough;
+            if !found && !search_finer {
                 break;
             }
             damping = 1e-2;

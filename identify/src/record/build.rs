@@ -204,12 +204,16 @@ fn window(source: &Source, start_s: f64, to_s: f64, held: HeldCommand, later: &[
     for (quantity, line) in &source.lines {
         let chain = match (quantity, &mut rolling) {
             (Quantity::Gyro, Some(rolling)) => rolling,
+            // Without set-points nothing drives this chain.
+            _ if source.commands.is_empty() => continue,
             _ => &mut drive,
         };
         add_cells(chain, *quantity, line, from_s, to_s);
     }
-    let chain = rolling.as_mut().unwrap_or(&mut drive);
-    add_poses(chain, &source.track, from_s, to_s);
+    if rolling.is_some() || !source.commands.is_empty() {
+        let chain = rolling.as_mut().unwrap_or(&mut drive);
+        add_poses(chain, &source.track, from_s, to_s);
+    }
     let window = Window {
         start_s,
         from_s,

@@ -34,6 +34,8 @@ const RIVAL: f64 = 0.2;
 const SAME: f64 = 0.95;
 /// Difference of gains, as a share, that the laws' own inaccuracy makes.
 const LAW_SHARE: f64 = 0.02;
+/// Part of what is explained that the laws of the explanation leave as a rest of their own.
+const LAW_REST: f64 = 0.01;
 
 /// Training and validation side of the data.
 pub struct Side<'a> {
@@ -51,6 +53,8 @@ pub struct Round<'a> {
     pub validation: Side<'a>,
     pub model: &'a Hypothesis,
     pub candidates: &'a [Candidate],
+    /// Gain on the training runs of what is already in the model.
+    pub explained: f64,
     pub seed: u64,
 }
 
@@ -157,6 +161,8 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Sensitivities) -> R
     if order.is_empty() {
         return Ok(stop);
     }
+    let threshold = threshold.max(LAW_REST * data.explained);
+    stop.threshold = threshold;
     let fitted = fits(workers, data, &order, &stop.scores)?;
     stop.simulations = fitted.iter().map(|fitted| fitted.fit.simulations).sum();
     let judged = gathered(workers, fitted.len(), &|f| judge(data, &fitted[f], threshold))?;
