@@ -3,6 +3,7 @@
 //! Results go to standard output (with `--json` as one JSON document), progress and errors to standard error.
 //! Exit status: 0 done, 1 refused or failed, 2 wrong usage, 3 service out of reach, 4 damaged data.
 
+mod bundles;
 mod commands;
 mod output;
 mod settings;
@@ -48,6 +49,8 @@ enum Command {
     Fetch(commands::fetch::Arguments),
     /// Replay the commands of a run bundle through the twin and write a bundle
     Simulate(commands::simulate::Arguments),
+    /// Find where runs and twin disagree, name the missing effect, and write a report and a new model version
+    Diagnose(commands::diagnose::Arguments),
 }
 
 fn main() {
@@ -78,5 +81,6 @@ async fn run(arguments: Arguments, output: &Output) -> anyhow::Result<()> {
         Command::Cancel(a) => commands::cancel::run(a, &settings, output).await,
         Command::Fetch(a) => commands::fetch::run(a, &settings, output).await,
         Command::Simulate(a) => commands::simulate::run(&a, output),
+        Command::Diagnose(a) => commands::diagnose::run(&a, output),
     }
 }

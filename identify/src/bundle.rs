@@ -74,6 +74,7 @@ impl Bundle {
         let telemetry = Telemetry::from_csv(telemetry_csv)?;
         check_wheels(&run.robot, &telemetry)?;
         check_angles(&telemetry)?;
+        check_positions(&telemetry)?;
         let remarks = remarks(&run, &telemetry);
         Ok(Bundle {
             run,
@@ -228,6 +229,34 @@ fn check_turning(telemetry: &Telemetry) -> Result<(), BundleError> {
             column: Channel::PoseYaw.name(),
             message,
         });
+    }
+    Ok(())
+}
+
+/// Median speed between poses that no robot of a laboratory has, m/s.
+const IMPOSSIBLE_M_PER_S: f64 = 50.0;
+
+/// Refuses positions that can only be in another unit.
+fn check_positions(telemetry: &Telemetry) -> Result<(), BundleError> {
+    for channel in [Channel::PoseX, Channel::PoseY] {
+        let Some(series) = telemetry.series(channel) else {
+            continue;
+        };
+        let time_of = |sample: usize| telemetry.time_s[series.rows[sample] as usize];
+        let mut speeds: Vec<f64> = (1..series.values.len())
+            .map(|k| (series.values[k] - series.values[k - 1]).abs() / (time_of(k) - time_of(k - 1)))
+            .filter(|speed| *speed > 0.0)
+            .collect();
+        speeds.sort_by(f64::total_cmp);
+        let median = speeds.get(speeds.len() / 2).copied().unwrap_or(0.0);
+        if median > IMPOSSIBLE_M_PER_S {
+            return Err(BundleError::Column {
+                column: channel.name(),
+                message: format!(
+                    "moves at {median:.0} m/s half of the time; up to {IMPOSSIBLE_M_PER_S:.0} m/s are possible: is it in millimetres?"
+                ),
+            });
+        }
     }
     Ok(())
 }

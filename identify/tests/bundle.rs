@@ -120,3 +120,23 @@ fn run_documents_are_checked() {
         .contains("command_delay_s")
     );
 }
+
+#[test]
+fn positions_in_millimetres_are_refused() {
+    let mut csv = "time_s,pose_x_m,pose_y_m,pose_yaw_rad\n".to_owned();
+    for row in 0..50 {
+        csv.push_str(&format!("{},{},0,0\n", f64::from(row) / 100.0, 700 * row));
+    }
+    let refused = Bundle::parse(&run_json(), csv.as_bytes());
+    assert!(
+        refused.as_ref().is_err_and(|error| error.to_string().contains("millimetres")),
+        "{refused:?}"
+    );
+    // One wild pose is the tracker's, not a unit.
+    let mut csv = "time_s,pose_x_m,pose_y_m,pose_yaw_rad\n".to_owned();
+    for row in 0..50 {
+        let x = if row == 20 { 300.0 } else { 0.005 * f64::from(row) };
+        csv.push_str(&format!("{},{x},0,0\n", f64::from(row) / 100.0));
+    }
+    assert!(Bundle::parse(&run_json(), csv.as_bytes()).is_ok());
+}

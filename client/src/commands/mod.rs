@@ -1,6 +1,7 @@
 //! One file per verb: its flags and what it does.
 
 pub mod cancel;
+pub mod diagnose;
 pub mod fetch;
 pub mod login;
 pub mod runs;

@@ -1,0 +1,488 @@
+//! Report and model version from a finished search.
+
+use serde_json::{Value, json};
+use twin::effect::library::LIBRARY;
+use twin::model_document::ModelDocument;
+
+use super::gap_table::gap_table;
+use super::{Case, DiagnoseError, Diagnosis, LIBRARY_VERSION, Taken};
+use crate::fit::{Fit, with_members};
+use crate::hypothesis::{Hypothesis, Knob, applies};
+use crate::record::CHANNELS;
+use crate::report::schema::{
+    Absorbed, Data, Evidence, FORMAT, ModelReference, NamedEffect, ParameterValue, Rejected, Report, Untestable,
+    Verdict, Where, rounded,
+};
+use crate::report::{effect_sentence, verdict_sentence};
+use crate::screen::Score;
+use crate::select::{Finalist, Role};
+use crate::workers::Workers;
+
+/// Signal over noise below which an effect is untestable.
+const TESTABLE: f64 = 5.0;
+/// Half width of a 95 % interval in standard deviations, before the inflation of few references.
+const NORMAL_95: f64 = 1.96;
+/// Calibration is listed from this many standard deviations.
+const LISTED: f64 = 3.0;
+/// Excess that remains, as a share of the excess before, that still counts as explained.
+const REST: f64 = 0.3;
+
+pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagnosis, DiagnoseError> {
+    let members: Vec<_> = case.fit.as_ref().map_or_else(Vec::new, |fit| fit.members.clone());
+    let mut after = with_members(&case.floor.model, &members);
+    let mut verdict = verdict(case);
+    if verdict == Verdict::Unexplained || verdict == Verdict::NoDiscrepancy {
+        after = case.floor.model.clone();
+        case.fit = None;
+        case.taken
+            .retain(|taken| taken.tiny && verdict == Verdict::NoDiscrepancy);
+    }
+    let model = model_version(case, &after);
+    let (gap, explained) = gap_table(case, &after);
+    let effects = named(case);
+    if effects.is_empty() && matches!(verdict, Verdict::Confirmed | Verdict::Partial | Verdict::Ambiguous) {
+        verdict = Verdict::NoDiscrepancy;
+    }
+    let absorbed = absorbed(case, &effects);
+    let (rejected, untestable) = rest(case, &effects, &absorbed);
+    let place = located(case);
+    let sentence = verdict_sentence(verdict, &effects, explained, &place.sentence);
+    let report = Report {
+        format: FORMAT.to_owned(),
+        robot: case.floor.given.description.name.clone(),
+        data: data(case),
+        verdict,
+        sentence,
+        next_experiment: super::next::next_experiment(case, verdict, &effects, &untestable),
+        effects,
+        absorbed,
+        rejected,
+        untestable,
+        place,
+        gap,
+        explained_fraction: explained,
+        floor_source: if case.floor.noise.is_prior {
+            "stated"
+        } else {
+            "references"
+        }
+        .to_owned(),
+        remarks: case.remarks.clone(),
+        model: ModelReference {
+            id: model.id.clone(),
+            parent: model.parent.clone(),
+        },
+        seed: case.input.seed,
+        library_version: LIBRARY_VERSION.to_owned(),
+    };
+    Ok(Diagnosis { report, model })
+}
+
+fn verdict(case: &Case) -> Verdict {
+    let real = case.energy_before > case.energy_limit;
+    let naming: Vec<&Taken> = case.taken.iter().filter(|taken| !taken.tiny).collect();
+    if naming.is_empty() {
+        return if real {
+            Verdict::Unexplained
+        } else {
+            Verdict::NoDiscrepancy
+        };
+    }
+    let excess = (case.energy_before - case.energy_floor).max(1e-9);
+    let left = (case.energy_after - case.energy_floor) / excess;
+    let remains = case.energy_after > case.energy_limit && left > REST;
+    if remains && left > 0.8 {
+        return Verdict::Unexplained;
+    }
+    let validation = case.roles.iter().filter(|role| **role == Role::Validation).count();
+    if naming.iter().any(|taken| !other_names(taken).is_empty()) {
+        return Verdict::Ambiguous;
+    }
+    if remains || validation < 2 || case.locked.len() < 2 {
+        return Verdict::Partial;
+    }
+    Verdict::Confirmed
+}
+
+/// Names that the data cannot tell from a taken effect.
+fn other_names(taken: &Taken) -> Vec<String> {
+    let own = taken.finalist.member.candidate.entry.name;
+    let mut names: Vec<String> = taken
+        .alternatives
+        .iter()
+        .map(|alternative| alternative.member.candidate.entry.name.to_owned())
+        .filter(|name| name != own)
+        .collect();
+    names.sort();
+    names.dedup();
+    names
+}
+
+fn data(case: &Case) -> Vec<Data> {
+    let mut all = Vec::new();
+    let mut add = |run: &super::Run, role: Role, blocks: usize| {
+        all.push(Data {
+            path: run.path.clone(),
+            sha256: run.sha256.clone(),
+            role: role.name().to_owned(),
+            blocks,
+        });
+    };
+    for run in &case.input.references {
+        let record = case.floor.references.iter().find(|record| record.name == run.path);
+        add(run, Role::Reference, record.map_or(0, |record| record.windows.len()));
+    }
+    for ((run, role), record) in case.input.runs.iter().zip(&case.roles).zip(&case.records) {
+        add(run, *role, record.windows.len());
+    }
+    for run in &case.input.locked {
+        let record = case.locked.iter().find(|record| record.name == run.path);
+        add(run, Role::Locked, record.map_or(0, |record| record.windows.len()));
+    }
+    all
+}
+
+fn model_version(case: &Case, after: &Hypothesis) -> ModelDocument {
+    let parent = case.input.model.as_ref().map(|model| model.id.clone());
+    let data: Vec<Value> = data(case)
+        .iter()
+        .map(|data| json!({"path": data.path, "sha256": data.sha256}))
+        .collect();
+    let split: serde_json::Map<String, Value> = self::data(case)
+        .iter()
+        .map(|data| (data.path.clone(), Value::from(data.role.clone())))
+        .collect();
+    let provenance = json!({"data": data, "split": split, "library_version": LIBRARY_VERSION});
+    let floor = &case.input.runs[0].bundle.run.floor;
+    let mut effects = after.effects.clone();
+    for effect in &mut effects {
+        for value in effect.parameters.values_mut() {
+            *value = value.map(rounded);
+        }
+    }
+    let document = ModelDocument::new(parent, after.description.clone(), floor, effects, provenance);
+    match &after.residual {
+        Some(residual) => document.with_residual(residual.clone()),
+        None => document,
+    }
+}
+
+fn parameters(case: &Case, position: usize, finalist: &Finalist) -> Vec<ParameterValue> {
+    let width = NORMAL_95 * case.floor.inflation().sqrt();
+    let member = &finalist.member;
+    let axes = member.candidate.axes.iter().zip(&member.values).enumerate();
+    axes.map(|(a, (axis, value))| {
+        let sigma = case
+            .fit
+            .as_ref()
+            .map_or(f64::INFINITY, |fit: &Fit| fit.sigma(position, a));
+        let scatter = case
+            .scatter
+            .iter()
+            .find(|(free, _)| *free == (position, a))
+            .map_or(0.0, |(_, scatter)| *scatter);
+        let sigma = (sigma * sigma + scatter * scatter).sqrt();
+        let end = |value: f64| value.is_finite().then(|| rounded(value));
+        let known = value.is_finite() && sigma.is_finite();
+        ParameterValue {
+            name: axis.name.to_owned(),
+            value: end(*value),
+            low: end(if known {
+                (value - width * sigma).max(axis.low)
+            } else {
+                *value
+            }),
+            high: end(if known {
+                (value + width * sigma).min(axis.high)
+            } else {
+                *value
+            }),
+            unit: axis.unit.to_owned(),
+        }
+    })
+    .collect()
+}
+
+fn named(case: &Case) -> Vec<NamedEffect> {
+    let mut effects: Vec<NamedEffect> = Vec::new();
+    for (position, taken) in case.taken.iter().enumerate() {
+        if taken.tiny {
+            continue;
+        }
+        let finalist = &taken.finalist;
+        let earlier: Vec<String> = effects
+            .iter()
+            .flat_map(|effect| effect.alternatives.iter().chain(core::iter::once(&effect.name)))
+            .cloned()
+            .collect();
+        let name = finalist.member.candidate.entry.name;
+        let alternatives: Vec<String> = other_names(taken)
+            .into_iter()
+            .filter(|other| !earlier.contains(other) && !is_taken(case, other))
+            .collect();
+        let mut excluded: Vec<Rejected> = taken
+            .excluded
+            .iter()
+            .map(|other| Rejected {
+                name: other.member.candidate.entry.name.to_owned(),
+                because: other.because.clone().unwrap_or_else(|| {
+                    format!(
+                        "gains {:.0} at {}, {:.0} less",
+                        other.gain(),
+                        values_of(other),
+                        finalist.gain() - other.gain()
+                    )
+                }),
+            })
+            .filter(|rejected| rejected.name != name && !alternatives.contains(&rejected.name))
+            .collect();
+        excluded.sort_by(|a, b| a.name.cmp(&b.name));
+        excluded.dedup_by(|a, b| a.name == b.name);
+        let mut effect = NamedEffect {
+            name: name.to_owned(),
+            status: if alternatives.is_empty() {
+                "confirmed"
+            } else {
+                "ambiguous"
+            }
+            .to_owned(),
+            index: finalist.member.candidate.index,
+            parameters: parameters(case, position, finalist),
+            evidence: Evidence {
+                gain: rounded(finalist.gain()),
+                threshold: rounded(taken.threshold),
+                stability: rounded(finalist.stability),
+                gain_validation: rounded(finalist.gain_validation),
+            },
+            alternatives,
+            excluded,
+            sentence: String::new(),
+        };
+        effect.sentence = effect_sentence(&effect);
+        effects.push(effect);
+    }
+    effects
+}
+
+/// Fitted values in words.
+fn values_of(finalist: &Finalist) -> String {
+    let axes = finalist.member.candidate.axes.iter().zip(&finalist.member.values);
+    let parts: Vec<String> = axes
+        .filter(|(_, value)| value.is_finite())
+        .map(|(axis, value)| format!("{} {}", axis.name, rounded((value * 1e4).round() / 1e4)))
+        .collect();
+    parts.join(", ")
+}
+
+fn is_taken(case: &Case, name: &str) -> bool {
+    case.taken
+        .iter()
+        .any(|taken| !taken.tiny && taken.finalist.member.candidate.entry.name == name)
+}
+
+/// Calibration that is sure, and effects that are too small to matter.
+fn absorbed(case: &Case, effects: &[NamedEffect]) -> Vec<Absorbed> {
+    let mentioned = |name: &str| {
+        effects
+            .iter()
+            .any(|effect| effect.name == name || effect.alternatives.iter().any(|other| other == name))
+    };
+    let mut all: Vec<Absorbed> = Vec::new();
+    let mut add = |name: &str, value: ParameterValue| match all.iter_mut().find(|absorbed| absorbed.name == name) {
+        Some(absorbed) => absorbed.parameters.push(value),
+        None => all.push(Absorbed {
+            name: name.to_owned(),
+            parameters: vec![value],
+        }),
+    };
+    for ((knob, value), sigma) in case.floor.knobs.iter().zip(&case.floor.values).zip(&case.floor.sigmas) {
+        let Knob::Parameter {
+            name,
+            index,
+            parameter,
+            neutral,
+            practical,
+            ..
+        } = knob
+        else {
+            continue;
+        };
+        let entry = LIBRARY.iter().find(|entry| entry.name == *name);
+        if value.abs() < LISTED * sigma || mentioned(name) {
+            continue;
+        }
+        let number = |value: f64| Some(rounded(neutral + practical * value));
+        let parameter_name = match index {
+            Some(index) => format!("{parameter} of wheel {index}"),
+            None => (*parameter).to_owned(),
+        };
+        add(
+            name,
+            ParameterValue {
+                name: parameter_name,
+                value: number(*value),
+                low: number(value - NORMAL_95 * sigma),
+                high: number(value + NORMAL_95 * sigma),
+                unit: entry
+                    .and_then(|entry| entry.parameter(parameter))
+                    .map_or("1", |parameter| parameter.unit)
+                    .to_owned(),
+            },
+        );
+    }
+    for (position, taken) in case.taken.iter().enumerate().filter(|(_, taken)| taken.tiny) {
+        let name = taken.finalist.member.candidate.entry.name;
+        if mentioned(name) {
+            continue;
+        }
+        for value in parameters(case, position, &taken.finalist) {
+            add(name, value);
+        }
+    }
+    for effect in &case.floor.absorbed {
+        let Some(entry) = LIBRARY.iter().find(|entry| entry.name == effect.name) else {
+            continue;
+        };
+        if mentioned(entry.name) {
+            continue;
+        }
+        for parameter in entry.parameters {
+            let value = Some(effect.value(parameter.name))
+                .filter(|value| value.is_finite())
+                .map(rounded);
+            add(
+                entry.name,
+                ParameterValue {
+                    name: parameter.name.to_owned(),
+                    value,
+                    low: value,
+                    high: value,
+                    unit: parameter.unit.to_owned(),
+                },
+            );
+        }
+    }
+    all.sort_by(|a, b| a.name.cmp(&b.name));
+    all
+}
+
+/// Every other name of the library: rejected, or untestable with these runs.
+fn rest(case: &Case, effects: &[NamedEffect], absorbed: &[Absorbed]) -> (Vec<Rejected>, Vec<Untestable>) {
+    let (mut rejected, mut untestable) = (Vec::new(), Vec::new());
+    for entry in LIBRARY {
+        let mentioned = effects
+            .iter()
+            .any(|effect| effect.name == entry.name || effect.alternatives.iter().any(|other| other == entry.name));
+        if mentioned || absorbed.iter().any(|absorbed| absorbed.name == entry.name) {
+            continue;
+        }
+        let mut untested = |because: String| {
+            untestable.push(Untestable {
+                name: entry.name.to_owned(),
+                because,
+                run_this: super::next::manoeuvre(entry, &case.floor.given.description),
+            });
+        };
+        if !applies(entry, &case.floor.given.description) {
+            untested("the robot has no part that it acts on".to_owned());
+            continue;
+        }
+        let own: Vec<&Score> = case
+            .candidates
+            .iter()
+            .zip(&case.first_scores)
+            .filter(|(candidate, _)| candidate.entry.name == entry.name)
+            .map(|(_, score)| score)
+            .collect();
+        let sensitivity = own.iter().map(|score| score.sensitivity).fold(0.0, f64::max);
+        if own.is_empty() {
+            untested("lost set-points leave no trace of their own in these channels".to_owned());
+        } else if sensitivity < TESTABLE {
+            untested(format!(
+                "at its practical size it moves the channels of these runs by {sensitivity:.1} standard deviations; 5 are needed{}",
+                missing(case)
+            ));
+        } else {
+            let gain = own.iter().map(|score| score.gain).fold(0.0, f64::max);
+            rejected.push(Rejected {
+                name: entry.name.to_owned(),
+                because: because(case, entry.name, gain),
+            });
+        }
+    }
+    rejected.sort_by(|a, b| a.name.cmp(&b.name));
+    untestable.sort_by(|a, b| a.name.cmp(&b.name));
+    (rejected, untestable)
+}
+
+fn because(case: &Case, name: &str, gain: f64) -> String {
+    let judged = case
+        .taken
+        .iter()
+        .flat_map(|taken| &taken.excluded)
+        .chain(case.last.iter().flat_map(|stop| &stop.finalists))
+        .find(|finalist| finalist.member.candidate.entry.name == name);
+    if let Some(finalist) = judged {
+        return finalist
+            .because
+            .clone()
+            .unwrap_or_else(|| format!("gains {:.0}, less than what was named", finalist.gain()));
+    }
+    if gain < case.first_threshold {
+        return format!("gain {gain:.0} is below the threshold {:.0}", case.first_threshold);
+    }
+    "others explain the same part of the gap better".to_owned()
+}
+
+/// Channels that the runs do not have.
+fn missing(case: &Case) -> String {
+    let mut has = [false; CHANNELS.len()];
+    for record in &case.records {
+        for quantity in record.quantities() {
+            has[quantity.class()] = true;
+        }
+    }
+    let steering = case.floor.given.description.steering.is_some();
+    let absent: Vec<&str> = CHANNELS
+        .iter()
+        .zip(has)
+        .filter(|(name, has)| !has && (**name != "steering" || steering))
+        .map(|(name, _)| *name)
+        .collect();
+    if absent.is_empty() {
+        String::new()
+    } else {
+        format!(" (no {} channel)", absent.join(", "))
+    }
+}
+
+fn located(case: &Case) -> Where {
+    let located = &case.located;
+    let mut regions = located.regions.clone();
+    for region in &mut regions {
+        for list in [&mut region.edges, &mut region.energy, &mut region.mean] {
+            list.iter_mut().for_each(|value| *value = rounded(*value));
+        }
+    }
+    let mut map = located.floor_map.clone();
+    for list in [&mut map.x_m, &mut map.y_m, &mut map.energy] {
+        list.iter_mut().for_each(|value| *value = rounded(*value));
+    }
+    let mut segments = located.segments.clone();
+    for segment in &mut segments {
+        segment.from_s = rounded(segment.from_s);
+        segment.to_s = rounded(segment.to_s);
+    }
+    Where {
+        sentence: located.sentence.clone(),
+        channels: located
+            .channels
+            .iter()
+            .map(|(class, _)| CHANNELS[*class].to_owned())
+            .collect(),
+        shares: located.channels.iter().map(|(_, share)| rounded(*share)).collect(),
+        segments,
+        regions,
+        floor_map: map,
+    }
+}

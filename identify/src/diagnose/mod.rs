@@ -1,0 +1,598 @@
+//! From runs to a report and a model version.
+
+mod assemble;
+mod gap_table;
+mod next;
+
+use twin::model_document::ModelDocument;
+
+use crate::bundle::Bundle;
+use crate::fit::{Fit, Member, Problem, fit, with_members};
+use crate::floor::{Floor, Metric, knob_changes};
+use crate::hypothesis::{Candidate, Excitation, Hypothesis, Knob, candidates, knobs};
+use crate::locate::{Located, locate};
+use crate::record::{Record, Stages};
+use crate::report::Report;
+use crate::screen::{Score, all_residuals, columns};
+use crate::select::{Finalist, Role, Round, Sensitivities, Side, Stop, roles, round};
+use crate::workers::{Cancelled, Workers};
+
+/// Version of the effect library and of this workflow.
+pub const LIBRARY_VERSION: &str = "1";
+/// Most effects that are named.
+const MOST_EFFECTS: usize = 6;
+/// Most effects of the references that are absorbed.
+const MOST_ABSORBED: usize = 5;
+/// An effect is in the references when it gains this much there, and a run this part of what it gains in the runs.
+const SEEN: f64 = 6.6;
+const BACKGROUND: f64 = 0.35;
+/// Changes below this part of the practical size are calibration.
+const TINY: f64 = 0.7;
+
+/// A bundle and where it came from.
+#[derive(Debug, Clone)]
+pub struct Run {
+    /// As given.
+    pub path: String,
+    /// Of its files, in hexadecimal.
+    pub sha256: String,
+    pub bundle: Bundle,
+}
+
+/// What is to be diagnosed.
+#[derive(Debug, Clone)]
+pub struct Input {
+    pub references: Vec<Run>,
+    pub runs: Vec<Run>,
+    pub locked: Vec<Run>,
+    /// The model that should explain the runs; the nominal twin when absent.
+    pub model: Option<ModelDocument>,
+    pub seed: u64,
+}
+
+/// What came out.
+#[derive(Debug, Clone)]
+pub struct Diagnosis {
+    pub report: Report,
+    pub model: ModelDocument,
+}
+
+/// Why there is no diagnosis.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum DiagnoseError {
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+    #[error("no runs to diagnose; name at least one")]
+    NoRuns,
+    #[error("{path}: the robot has {found} wheels, that of {other} has {expected}: these are runs of different robots")]
+    OtherRobot {
+        path: String,
+        other: String,
+        found: usize,
+        expected: usize,
+    },
+    #[error("{path}: chassis {found:?}, that of {other} is {expected:?}: these are runs of different robots")]
+    OtherChassis {
+        path: String,
+        other: String,
+        found: String,
+        expected: String,
+    },
+    #[error(
+        "{path}: no window of 1.3 s with commands and enough measurements; channels needed: commands, and poses or wheel speeds"
+    )]
+    Unusable { path: String },
+    #[error("the given model cannot be simulated: {0}")]
+    Model(String),
+}
+
+/// An effect that has been taken into the model.
+#[derive(Debug, Clone)]
+struct Taken {
+    finalist: Finalist,
+    alternatives: Vec<Finalist>,
+    excluded: Vec<Finalist>,
+    threshold: f64,
+    tiny: bool,
+}
+
+/// Everything that the report is made of.
+struct Case<'a> {
+    input: &'a Input,
+    floor: Floor,
+    candidates: Vec<Candidate>,
+    roles: Vec<Role>,
+    records: Vec<Record>,
+    locked: Vec<Record>,
+    taken: Vec<Taken>,
+    fit: Option<Fit>,
+    /// Standard errors from the scatter of runs, by (member, axis).
+    scatter: Vec<((usize, usize), f64)>,
+    first_scores: Vec<Score>,
+    first_threshold: f64,
+    last: Option<Stop>,
+    located: Located,
+    /// Whitened energy per residual of the runs before and after, and of the references with their scatter.
+    energy_before: f64,
+    energy_after: f64,
+    energy_floor: f64,
+    energy_limit: f64,
+    remarks: Vec<String>,
+}
+
+/// Diagnoses runs.
+///
+/// - Errors: runs of different robots, runs without usable data, a model that does not fit; [`Cancelled`].
+pub fn diagnose(workers: &dyn Workers, input: &Input) -> Result<Diagnosis, DiagnoseError> {
+    check(input)?;
+    let description = input
+        .model
+        .as_ref()
+        .map_or_else(|| input.runs[0].bundle.run.robot.clone(), |model| model.robot.clone());
+    let given = Hypothesis {
+        description: description.clone(),
+        effects: input
+            .model
+            .as_ref()
+            .map_or_else(Vec::new, |model| model.effects.clone()),
+        residual: input.model.as_ref().and_then(|model| model.residual.clone()),
+    };
+    if let Err(problem) =
+        twin::robot::Robot::with_model(given.description.clone(), &given.effects, given.residual.as_ref())
+    {
+        return Err(DiagnoseError::Model(format!("{}: {}", problem.field, problem.message)));
+    }
+    workers.progress("read", 0.02);
+    let (records, mut remarks) = usable(&input.runs)?;
+    let references = usable(&input.references)?.0;
+    let locked_records = usable(&input.locked)?.0;
+    let excitation = excitation(&records, &given);
+    let candidates = candidates(&description, &excitation);
+    let knobs = knobs(&candidates, description.motor.is_some());
+    let stages: Vec<Stages> = knobs.iter().map(|knob| knob_stages(knob, &candidates)).collect();
+    workers.progress("calibrate", 0.05);
+    let floor = if references.is_empty() {
+        remarks.push("no references: the robot description and its noise are taken at their word".to_owned());
+        Floor::stated(given, knobs)
+    } else {
+        Floor::calibrated(workers, given, knobs, &stages, references)?
+    };
+    let liveliness: Vec<f64> = records.iter().map(|record| record.largest_command_rad_per_s).collect();
+    let roles = roles(&liveliness, !input.locked.is_empty());
+    let mut case = Case {
+        input,
+        floor,
+        candidates,
+        roles,
+        records,
+        locked: locked_records,
+        taken: Vec::new(),
+        fit: None,
+        scatter: Vec::new(),
+        first_scores: Vec::new(),
+        first_threshold: 0.0,
+        last: None,
+        located: Located::default(),
+        energy_before: 0.0,
+        energy_after: 0.0,
+        energy_floor: 1.0,
+        energy_limit: 1.0,
+        remarks,
+    };
+    search(workers, &mut case, &stages)?;
+    workers.progress("report", 0.95);
+    assemble::assemble(workers, &mut case)
+}
+
+fn check(input: &Input) -> Result<(), DiagnoseError> {
+    let first = input.runs.first().ok_or(DiagnoseError::NoRuns)?;
+    let expected = &first.bundle.run.robot;
+    for run in input.references.iter().chain(&input.runs).chain(&input.locked) {
+        let found = &run.bundle.run.robot;
+        if found.wheels.len() != expected.wheels.len() {
+            return Err(DiagnoseError::OtherRobot {
+                path: run.path.clone(),
+                other: first.path.clone(),
+                found: found.wheels.len(),
+                expected: expected.wheels.len(),
+            });
+        }
+        if found.chassis != expected.chassis {
+            return Err(DiagnoseError::OtherChassis {
+                path: run.path.clone(),
+                other: first.path.clone(),
+                found: found.chassis.clone(),
+                expected: expected.chassis.clone(),
+            });
+        }
+    }
+    Ok(())
+}
+
+fn usable(runs: &[Run]) -> Result<(Vec<Record>, Vec<String>), DiagnoseError> {
+    let mut records = Vec::new();
+    let mut remarks = Vec::new();
+    for run in runs {
+        let record = Record::of(&run.path, &run.bundle);
+        if record.is_empty() {
+            return Err(DiagnoseError::Unusable { path: run.path.clone() });
+        }
+        if record.outliers > 0 {
+            remarks.push(format!(
+                "{}: {} poses left out as tracker errors",
+                run.path, record.outliers
+            ));
+        }
+        if record.skipped > 0 {
+            remarks.push(format!(
+                "{}: {} windows without enough measurements",
+                run.path, record.skipped
+            ));
+        }
+        if !run.bundle.telemetry.channels.keys().any(|channel| channel.is_command()) {
+            remarks.push(format!(
+                "{}: no set-points: commands, motors and battery are untestable with it",
+                run.path
+            ));
+        }
+        for remark in &run.bundle.remarks {
+            remarks.push(format!("{}: {} {}", run.path, remark.column, remark.message));
+        }
+        records.push(record);
+    }
+    Ok((records, remarks))
+}
+
+fn excitation(records: &[Record], given: &Hypothesis) -> Excitation {
+    let mut excitation = Excitation {
+        extent_m: [f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY],
+        ..Excitation::default()
+    };
+    let robot = given.robot();
+    for record in records {
+        excitation.wheel_rad_per_s = excitation.wheel_rad_per_s.max(record.largest_command_rad_per_s);
+        let [x0, x1, y0, y1] = record.extent_m();
+        let e = &mut excitation.extent_m;
+        *e = [e[0].min(x0), e[1].max(x1), e[2].min(y0), e[3].max(y1)];
+        let Some(robot) = &robot else { continue };
+        for window in &record.windows {
+            let mut held = window.drive.held;
+            for row in &window.drive.rows {
+                held.apply(robot, row);
+                let twist = robot.twist_of_wheels(&held.command());
+                let now = [twist.forward_m_per_s, twist.left_m_per_s, twist.yaw_rate_rad_per_s];
+                for (largest, value) in excitation.twist.iter_mut().zip(now) {
+                    *largest = largest.max(value.abs());
+                }
+            }
+        }
+    }
+    excitation
+}
+
+fn knob_stages(knob: &Knob, candidates: &[Candidate]) -> Stages {
+    match knob {
+        Knob::Supply(_) | Knob::Resistance(_) => Stages {
+            drive: true,
+            rolling: false,
+        },
+        Knob::Parameter { name, .. } => candidates
+            .iter()
+            .find(|candidate| candidate.entry.name == *name)
+            .map_or(Stages::BOTH, |candidate| candidate.stages),
+    }
+}
+
+/// Residuals, knob sensitivities and the product of some records.
+struct Prepared {
+    records: Vec<Record>,
+    residuals: Vec<Vec<f64>>,
+    sensitivities: Vec<Vec<Vec<f64>>>,
+    metric: Metric,
+}
+
+impl Prepared {
+    /// Residuals under another model, and the floor's present weights.
+    fn renew(&mut self, workers: &dyn Workers, floor: &Floor, model: &Hypothesis) -> Result<(), Cancelled> {
+        let simulated = all_residuals(workers, &self.records, model)?;
+        for (residual, new) in self.residuals.iter_mut().zip(simulated) {
+            *residual = new.unwrap_or_else(|| residual.clone());
+        }
+        self.metric = floor.metric(&self.records, &self.sensitivities);
+        Ok(())
+    }
+}
+
+fn prepare(
+    workers: &dyn Workers,
+    floor: &Floor,
+    records: Vec<Record>,
+    stages: &[Stages],
+) -> Result<Prepared, Cancelled> {
+    let simulated = all_residuals(workers, &records, &floor.model)?;
+    let (records, residuals): (Vec<Record>, Vec<Vec<f64>>) = records
+        .into_iter()
+        .zip(simulated)
+        .filter_map(|(record, residual)| Some((record, residual?)))
+        .unzip();
+    let changes = knob_changes(&floor.model, &floor.knobs, stages);
+    let sensitivities = columns(workers, &records, &residuals, &changes)?;
+    let metric = floor.metric(&records, &sensitivities);
+    Ok(Prepared {
+        records,
+        residuals,
+        sensitivities,
+        metric,
+    })
+}
+
+fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(), DiagnoseError> {
+    let of_role = |case: &Case, role: Role| -> Vec<Record> {
+        let pairs = case.records.iter().zip(&case.roles);
+        pairs
+            .filter(|(_, r)| **r == role)
+            .map(|(record, _)| record.clone())
+            .collect()
+    };
+    workers.progress("sensitivities", 0.15);
+    let mut train = prepare(workers, &case.floor, of_role(case, Role::Train), stages)?;
+    let mut validation = prepare(workers, &case.floor, of_role(case, Role::Validation), stages)?;
+    let locked = of_role(case, Role::Locked);
+    case.locked.extend(locked);
+    let mut reference_metric = reference_metric(&case.floor);
+    case.located = locate(&case.floor, &train.records, &train.residuals);
+    levels(case, reference_metric.as_ref(), &train, &validation);
+    add_places(&mut case.candidates, &case.located);
+    let mut members: Vec<Member> = Vec::new();
+    let mut kept = Sensitivities::default();
+    let mut explained = 0.0;
+    for number in 0..MOST_EFFECTS + MOST_ABSORBED {
+        workers.progress(
+            &format!("round {}", number + 1),
+            0.2 + 0.7 * number as f64 / (MOST_EFFECTS + MOST_ABSORBED) as f64,
+        );
+        let model = with_members(&case.floor.model, &members);
+        let stop = round(
+            workers,
+            &Round {
+                floor: &case.floor,
+                reference_metric: reference_metric.as_ref(),
+                train: Side {
+                    records: &train.records,
+                    metric: &train.metric,
+                    residuals: &train.residuals,
+                },
+                validation: Side {
+                    records: &validation.records,
+                    metric: &validation.metric,
+                    residuals: &validation.residuals,
+                },
+                model: &model,
+                candidates: &case.candidates,
+                explained,
+                seed: case.input.seed,
+            },
+            &mut kept,
+        )?;
+        if case.first_scores.is_empty() {
+            case.first_scores = stop.scores.clone();
+            case.first_threshold = stop.threshold;
+        }
+        if validation.records.is_empty() {
+            case.remarks.push(
+                "one run: nothing is named, since nothing could be checked on a run that was not used".to_owned(),
+            );
+            case.last = Some(stop);
+            break;
+        }
+        let background = stop.finalists.iter().find(|finalist| match stop.accepted {
+            Some(accepted) => core::ptr::eq(*finalist, &stop.finalists[accepted]),
+            None => finalist.in_references > 0.5,
+        });
+        if let (Some(metric), Some(finalist)) = (&reference_metric, background)
+            && absorb(&mut case.floor, metric, finalist, train.records.len())
+        {
+            reference_metric = self::reference_metric(&case.floor);
+            let model = with_members(&case.floor.model, &members);
+            train.renew(workers, &case.floor, &model)?;
+            validation.renew(workers, &case.floor, &model)?;
+            if members.is_empty() {
+                case.located = locate(&case.floor, &train.records, &train.residuals);
+                levels(case, reference_metric.as_ref(), &train, &validation);
+            }
+            case.last = Some(stop);
+            continue;
+        }
+        let Some(accepted) = stop.accepted.filter(|_| members.len() < MOST_EFFECTS) else {
+            case.last = Some(stop);
+            break;
+        };
+        case.taken.push(taken(&stop, accepted));
+        members.push(stop.finalists[accepted].member.clone());
+        case.last = Some(stop);
+        let base: Option<Vec<Vec<f64>>> = all_residuals(workers, &train.records, &case.floor.model)?
+            .into_iter()
+            .collect();
+        let Some(base) = base else { break };
+        let problem = Problem {
+            records: &train.records,
+            metric: &train.metric,
+            base: &case.floor.model,
+            residuals: &base,
+        };
+        let Some(joint) = fit(&problem, members.clone()) else {
+            break;
+        };
+        members = joint.members.clone();
+        explained = joint.gain;
+        let model = with_members(&case.floor.model, &members);
+        train.renew(workers, &case.floor, &model)?;
+        validation.renew(workers, &case.floor, &model)?;
+        kept.outdate();
+    }
+    let mut after = run_energies(&train.metric, &case.floor, &train.records, &train.residuals);
+    after.extend(run_energies(
+        &validation.metric,
+        &case.floor,
+        &validation.records,
+        &validation.residuals,
+    ));
+    case.energy_after = after.iter().sum::<f64>() / after.len().max(1) as f64;
+    finish(workers, case, stages, members)
+}
+
+/// The final numbers on training and validation runs together.
+fn finish(
+    workers: &dyn Workers,
+    case: &mut Case,
+    stages: &[Stages],
+    members: Vec<Member>,
+) -> Result<(), DiagnoseError> {
+    if members.is_empty() {
+        return Ok(());
+    }
+    workers.progress("final fit", 0.9);
+    let open = case
+        .records
+        .iter()
+        .zip(&case.roles)
+        .filter(|(_, role)| **role != Role::Locked);
+    let both = prepare(workers, &case.floor, open.map(|pair| pair.0.clone()).collect(), stages)?;
+    let problem = Problem {
+        records: &both.records,
+        metric: &both.metric,
+        base: &case.floor.model,
+        residuals: &both.residuals,
+    };
+    case.fit = fit(&problem, members);
+    if let Some(fit) = &case.fit {
+        case.scatter = fit
+            .free
+            .iter()
+            .map(|(m, a)| ((*m, *a), fit.scatter(&both.metric, *m, *a)))
+            .collect();
+        for (taken, member) in case.taken.iter_mut().zip(&fit.members) {
+            taken.finalist.member = member.clone();
+            taken.finalist.size = member.candidate.size(&member.values);
+            taken.tiny = taken.finalist.size < TINY;
+        }
+    }
+    Ok(())
+}
+
+/// Where the gap is on the floor, as places of a patch.
+fn add_places(candidates: &mut [Candidate], located: &Located) {
+    let Some(patch) = candidates
+        .iter_mut()
+        .find(|candidate| candidate.entry.name == "low_friction_patch")
+    else {
+        return;
+    };
+    for (x_m, y_m) in located.loud_places() {
+        for radius_m in [0.3, 0.5] {
+            patch.columns.push(crate::hypothesis::Column {
+                values: vec![x_m, y_m, radius_m, 0.4],
+                axis: 0,
+            });
+        }
+    }
+}
+
+fn taken(stop: &Stop, accepted: usize) -> Taken {
+    let finalist = stop.finalists[accepted].clone();
+    let alternatives: Vec<Finalist> = stop.alternatives.iter().map(|a| stop.finalists[*a].clone()).collect();
+    let excluded = stop
+        .finalists
+        .iter()
+        .enumerate()
+        .filter(|(position, _)| *position != accepted && !stop.alternatives.contains(position))
+        .map(|(_, finalist)| finalist.clone())
+        .collect();
+    Taken {
+        tiny: finalist.size < TINY,
+        finalist,
+        alternatives,
+        excluded,
+        threshold: stop.threshold,
+    }
+}
+
+fn reference_metric(floor: &Floor) -> Option<Metric> {
+    (!floor.references.is_empty()).then(|| floor.metric(&floor.references, &floor.sensitivities))
+}
+
+/// An effect fitted to the references from where the runs have it: taken into the floor's model when it is there as well.
+///
+/// - `runs`: number of training runs, which the finalist's gain is of.
+fn absorb(floor: &mut Floor, metric: &Metric, finalist: &Finalist, runs: usize) -> bool {
+    let problem = Problem {
+        records: &floor.references,
+        metric,
+        base: &floor.model,
+        residuals: &floor.residuals,
+    };
+    let Some(fit) = fit(&problem, vec![finalist.member.clone()]) else {
+        return false;
+    };
+    let member = &fit.members[0];
+    let size = member.candidate.size(&member.values);
+    let alike = if size.is_finite() {
+        size > 0.4 * finalist.size
+    } else {
+        true
+    };
+    let a_run = fit.gain / floor.references.len() as f64;
+    let slow = member.candidate.entry.name == "longitudinal_slip";
+    if slow || fit.gain < SEEN || a_run < BACKGROUND * finalist.gain_train / runs as f64 || !alike {
+        return false;
+    }
+    let effect = member.candidate.effect(&member.values);
+    floor.absorb(vec![effect], fit.residuals);
+    true
+}
+
+/// Mean over runs of the whitened energy per residual, everyday differences taken out.
+fn run_energies(metric: &Metric, floor: &Floor, records: &[Record], residuals: &[Vec<f64>]) -> Vec<f64> {
+    (0..records.len())
+        .map(|run| {
+            let energy = metric.gram_of_run(run, &[&residuals[run]]).at(0, 0);
+            let expected: f64 = records[run]
+                .places()
+                .iter()
+                .filter_map(|place| place.quantity)
+                .map(|quantity| 1.0 / floor.noise.classes[quantity.class()].correlation)
+                .sum();
+            energy / expected.max(1.0)
+        })
+        .collect()
+}
+
+/// Energy of the runs before anything is named, of the references, and the limit that chance keeps below.
+fn levels(case: &mut Case, reference_metric: Option<&Metric>, train: &Prepared, validation: &Prepared) {
+    let mut runs = run_energies(&train.metric, &case.floor, &train.records, &train.residuals);
+    runs.extend(run_energies(
+        &validation.metric,
+        &case.floor,
+        &validation.records,
+        &validation.residuals,
+    ));
+    case.energy_before = runs.iter().sum::<f64>() / runs.len().max(1) as f64;
+    match reference_metric {
+        Some(metric) => {
+            let floor = &case.floor;
+            let energies = run_energies(metric, floor, &floor.references, &floor.residuals);
+            let n = energies.len() as f64;
+            let mean = energies.iter().sum::<f64>() / n;
+            let variance = energies.iter().map(|e| (e - mean) * (e - mean)).sum::<f64>() / (n - 1.0).max(1.0);
+            // Few references do not show their whole scatter: at least a quarter of the mean.
+            let sigma = variance.sqrt().max(0.25 * mean);
+            case.energy_floor = mean;
+            // Energy as small as the noise itself is no gap, however quiet the references were.
+            case.energy_limit = (mean + 3.0 * sigma * case.floor.inflation().sqrt()).max(1.5);
+        }
+        None => {
+            case.energy_floor = 1.0;
+            case.energy_limit = 4.0;
+        }
+    }
+}

@@ -1,0 +1,359 @@
+//! Bounded Levenberg-Marquardt on simulations, with a pattern search where a law is not smooth.
+
+use crate::floor::Metric;
+use crate::hypothesis::{Axis, Candidate, Hypothesis};
+use crate::linear::Square;
+use crate::record::{Record, Stages, residuals};
+
+/// Runs, product and the model that effects are added to.
+pub struct Problem<'a> {
+    pub records: &'a [Record],
+    pub metric: &'a Metric,
+    pub base: &'a Hypothesis,
+    /// Residuals under the base.
+    pub residuals: &'a [Vec<f64>],
+}
+
+/// An effect with values of its axes.
+#[derive(Debug, Clone)]
+pub struct Member {
+    pub candidate: Candidate,
+    pub values: Vec<f64>,
+}
+
+/// The result.
+#[derive(Debug, Clone)]
+pub struct Fit {
+    pub members: Vec<Member>,
+    /// Decrease of the whitened energy against the base.
+    pub gain: f64,
+    /// Residuals under the fit, per record.
+    pub residuals: Vec<Vec<f64>>,
+    /// Covariance of the free axes, in the order of [`Fit::free`].
+    pub covariance: Square,
+    /// Position of the member and of its axis.
+    pub free: Vec<(usize, usize)>,
+    /// Change of the prediction per unit of every free axis, `[axis][record]`.
+    pub jacobian: Vec<Vec<Vec<f64>>>,
+    pub simulations: usize,
+}
+
+const MOST_ITERATIONS: usize = 8;
+/// A step that gains less than this and this share of the gain ends the fit.
+const LEAST_GAIN: f64 = 0.3;
+const LEAST_SHARE: f64 = 0.002;
+/// Most steps of a pattern search along an axis.
+const MOST_MOVES: usize = 4;
+
+/// The hypothesis with all members.
+pub fn with_members(base: &Hypothesis, members: &[Member]) -> Hypothesis {
+    let mut model = base.clone();
+    for member in members {
+        model.effects.push(member.candidate.effect(&member.values));
+    }
+    model
+}
+
+/// Axes that a fit may move: those with finite values.
+fn free_axes(members: &[Member]) -> Vec<(usize, usize)> {
+    let mut free = Vec::new();
+    for (m, member) in members.iter().enumerate() {
+        for (a, axis) in member.candidate.axes.iter().enumerate() {
+            let fixed_shape = member.candidate.entry.name == "caster_swivel" && !axis.carries_size;
+            let foot = member.candidate.entry.name == "lens_distortion" && !axis.carries_size;
+            if member.values[a].is_finite() && !fixed_shape && !foot {
+                free.push((m, a));
+            }
+        }
+    }
+    free
+}
+
+/// Length of a difference quotient, and of a search step.
+fn step_of(axis: &Axis, value: f64) -> f64 {
+    if axis.neutral.is_infinite() {
+        return 0.04 * value.abs().max(1e-3);
+    }
+    let near = if axis.carries_size {
+        0.25 * axis.practical
+    } else {
+        0.4 * axis.practical
+    };
+    near.max(0.04 * (value - axis.neutral).abs())
+}
+
+fn clamped(axis: &Axis, value: f64) -> f64 {
+    value.clamp(axis.low, axis.high.min(1e6))
+}
+
+struct Search<'a> {
+    problem: &'a Problem<'a>,
+    stages: Stages,
+    simulations: usize,
+}
+
+impl Search<'_> {
+    fn simulate(&mut self, members: &[Member]) -> Option<Vec<Vec<f64>>> {
+        let model = with_members(self.problem.base, members);
+        model.robot()?;
+        self.simulations += 1;
+        let pairs = self.problem.records.iter().zip(self.problem.residuals);
+        pairs
+            .map(|(record, base)| residuals(record, &model, self.stages, Some(base)))
+            .collect()
+    }
+
+    fn energy(&self, residuals: &[Vec<f64>]) -> f64 {
+        let vector = residuals.iter().map(Vec::as_slice).collect();
+        self.problem.metric.gram(&[vector]).at(0, 0)
+    }
+}
+
+/// Fits all finite axes of the members, started at their values. `None` when the start cannot be simulated.
+pub fn fit(problem: &Problem, start: Vec<Member>) -> Option<Fit> {
+    let stages = start.iter().fold(
+        Stages {
+            drive: false,
+            rolling: false,
+        },
+        |all, member| Stages {
+            drive: all.drive || member.candidate.stages.drive,
+            rolling: all.rolling || member.candidate.stages.rolling,
+        },
+    );
+    let mut search = Search {
+        problem,
+        stages,
+        simulations: 0,
+    };
+    let free = free_axes(&start);
+    let mut members = start;
+    for member in &mut members {
+        for (axis, value) in member.candidate.axes.iter().zip(&mut member.values) {
+            *value = if value.is_finite() {
+                clamped(axis, *value)
+            } else {
+                *value
+            };
+        }
+    }
+    let base_energy = search.energy(problem.residuals);
+    let mut now = search.simulate(&members)?;
+    let mut energy = search.energy(&now);
+    let mut damping = 1e-2;
+    let mut covariance = Square::zero(free.len());
+    let mut slopes = Vec::new();
+    let mut searches = 0;
+    for _ in 0..MOST_ITERATIONS {
+        let jacobian = jacobian(&mut search, &members, &free, &now);
+        let mut vectors: Vec<Vec<&[f64]>> = vec![now.iter().map(Vec::as_slice).collect()];
+        vectors.extend(
+            jacobian
+                .iter()
+                .map(|column| column.iter().map(Vec::as_slice).collect::<Vec<_>>()),
+        );
+        let gram = problem.metric.gram(&vectors);
+        let rows: Vec<usize> = (1..=free.len()).collect();
+        let normal = gram.part(&rows);
+        covariance = regularised(&normal, 0.0).cholesky().inverse();
+        let right: Vec<f64> = rows.iter().map(|row| gram.at(*row, 0)).collect();
+        let before = energy;
+        for _ in 0..4 {
+            let step = regularised(&normal, damping).cholesky().solve(&right);
+            let moved = moved(&members, &free, &step);
+            if let Some(trial) = search.simulate(&moved) {
+                let trial_energy = search.energy(&trial);
+                if trial_energy < energy {
+                    (members, now, energy) = (moved, trial, trial_energy);
+                    damping = (damping * 0.2).max(1e-6);
+                    break;
+                }
+            }
+            damping *= 8.0;
+        }
+        let gained = before - energy;
+        if gained < LEAST_GAIN || gained < LEAST_SHARE * (base_energy - energy) {
+            slopes = jacobian;
+            let rough = members.iter().any(|member| is_rough(&member.candidate));
+            searches += 1;
+            let again = searches < 5 && (rough || searches == 1);
+            let found = again && pattern(&mut search, &mut members, &free, &mut now, &mut energy, searches);
+            let search_finer = again && rough;
+            if !found && !search_finer {
+                break;
+            }
+            damping = 1e-2;
+        } else {
+            slopes = jacobian;
+        }
+    }
+    Some(Fit {
+        members,
+        gain: base_energy - energy,
+        residuals: now,
+        covariance,
+        free,
+        jacobian: slopes,
+        simulations: search.simulations,
+    })
+}
+
+/// Levenberg's term on the diagonal.
+fn regularised(normal: &Square, damping: f64) -> Square {
+    let mut system = normal.clone();
+    for k in 0..system.size {
+        let more = (damping + 1e-9) * system.at(k, k) + 1e-9;
+        system.add(k, k, more);
+    }
+    system
+}
+
+/// Change of the prediction per practical size of each free axis.
+fn jacobian(search: &mut Search, members: &[Member], free: &[(usize, usize)], now: &[Vec<f64>]) -> Vec<Vec<Vec<f64>>> {
+    let mut columns = Vec::with_capacity(free.len());
+    for (m, a) in free {
+        let axis = members[*m].candidate.axes[*a];
+        let value = members[*m].values[*a];
+        let step = step_of(&axis, value);
+        let ahead = if value + step <= axis.high { step } else { -step };
+        let mut changed = members.to_vec();
+        changed[*m].values[*a] = value + ahead;
+        let per = ahead / scale(&axis, value);
+        let column = match search.simulate(&changed) {
+            Some(other) => now
+                .iter()
+                .zip(&other)
+                .map(|(n, o)| n.iter().zip(o).map(|(n, o)| (n - o) / per).collect())
+                .collect(),
+            None => now.iter().map(|n| vec![0.0; n.len()]).collect(),
+        };
+        columns.push(column);
+    }
+    columns
+}
+
+/// Unit of an axis in the normal equations.
+fn scale(axis: &Axis, value: f64) -> f64 {
+    if axis.neutral.is_infinite() {
+        0.1 * value.abs().max(1e-3)
+    } else {
+        axis.practical
+    }
+}
+
+fn moved(members: &[Member], free: &[(usize, usize)], step: &[f64]) -> Vec<Member> {
+    let mut moved = members.to_vec();
+    for ((m, a), step) in free.iter().zip(step) {
+        let axis = members[*m].candidate.axes[*a];
+        let value = &mut moved[*m].values[*a];
+        let unit = scale(&axis, *value);
+        // A limit does not fall by more than 40 % at once, a place does not jump.
+        let most = if axis.neutral.is_infinite() {
+            4.0 * unit
+        } else if axis.carries_size {
+            20.0 * unit
+        } else {
+            2.0 * unit
+        };
+        *value = clamped(&axis, *value + (step * unit).clamp(-most, most));
+    }
+    moved
+}
+
+/// Laws with corners, where slopes lie.
+fn is_rough(candidate: &Candidate) -> bool {
+    const ROUGH: [&str; 5] = [
+        "command_dead_band",
+        "gear_backlash",
+        "low_friction_patch",
+        "steering_backlash",
+        "cable_drag",
+    ];
+    ROUGH.contains(&candidate.entry.name)
+}
+
+/// One round of steps along the axes; true when one of them gained.
+fn pattern(
+    search: &mut Search,
+    members: &mut Vec<Member>,
+    free: &[(usize, usize)],
+    now: &mut Vec<Vec<f64>>,
+    energy: &mut f64,
+    round: i32,
+) -> bool {
+    let before = *energy;
+    let finer = [1.0, 0.5, 0.25, 0.12, 0.06][(round.clamp(1, 5) - 1) as usize];
+    for (m, a) in free {
+        let axis = members[*m].candidate.axes[*a];
+        let mut direction = 1.0;
+        let mut turned = false;
+        let mut moves = 0;
+        while moves < MOST_MOVES {
+            let mut trial = members.clone();
+            let value = trial[*m].values[*a];
+            let unit = scale(&axis, value);
+            trial[*m].values[*a] = clamped(&axis, value + direction * finer * unit);
+            let better = search
+                .simulate(&trial)
+                .filter(|residuals| search.energy(residuals) < *energy);
+            match better {
+                Some(residuals) => {
+                    *energy = search.energy(&residuals);
+                    (*members, *now) = (trial, residuals);
+                    moves += 1;
+                    turned = true;
+                }
+                None if turned => break,
+                None => {
+                    direction = -direction;
+                    turned = true;
+                }
+            }
+        }
+    }
+    before - *energy > LEAST_GAIN
+}
+
+impl Fit {
+    /// Scatter of an axis from run to run as a standard error of its mean, in its unit; 0 with fewer than three runs.
+    pub fn scatter(&self, metric: &Metric, member: usize, axis: usize) -> f64 {
+        let Some(position) = self.free.iter().position(|free| *free == (member, axis)) else {
+            return 0.0;
+        };
+        let runs = self.residuals.len();
+        if runs < 3 || self.jacobian.len() != self.free.len() {
+            return 0.0;
+        }
+        let mut steps: Vec<(f64, f64)> = Vec::new();
+        for run in 0..runs {
+            let mut vectors: Vec<&[f64]> = vec![&self.residuals[run]];
+            vectors.extend(self.jacobian.iter().map(|column| column[run].as_slice()));
+            let gram = metric.gram_of_run(run, &vectors);
+            let rows: Vec<usize> = (1..=self.free.len()).collect();
+            let normal = regularised(&gram.part(&rows), 1e-3);
+            let right: Vec<f64> = rows.iter().map(|row| gram.at(*row, 0)).collect();
+            let factor = normal.cholesky();
+            let variance = factor.inverse().at(position, position);
+            steps.push((factor.solve(&right)[position], 1.0 / variance.max(1e-30)));
+        }
+        let total: f64 = steps.iter().map(|step| step.1).sum();
+        let mean = steps.iter().map(|(step, weight)| step * weight).sum::<f64>() / total;
+        let spread: f64 = steps
+            .iter()
+            .map(|(step, weight)| weight * (step - mean) * (step - mean))
+            .sum::<f64>()
+            / total;
+        let described = &self.members[member].candidate.axes[axis];
+        (spread / (runs - 1) as f64).sqrt() * scale(described, self.members[member].values[axis])
+    }
+
+    /// Standard deviation of an axis, in its unit; infinite when it was not fitted.
+    pub fn sigma(&self, member: usize, axis: usize) -> f64 {
+        let Some(position) = self.free.iter().position(|free| *free == (member, axis)) else {
+            return f64::INFINITY;
+        };
+        let described = &self.members[member].candidate.axes[axis];
+        let unit = scale(described, self.members[member].values[axis]);
+        self.covariance.at(position, position).max(0.0).sqrt() * unit
+    }
+}

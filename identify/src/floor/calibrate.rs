@@ -1,0 +1,287 @@
+//! The nominal model on references, and what is left.
+
+// Sums over rows and columns read better by their indices.
+#![allow(clippy::needless_range_loop)]
+
+use super::metric::{Metric, dot};
+use super::noise::NoiseModel;
+use crate::hypothesis::{Hypothesis, Knob, realised};
+use crate::linear::Square;
+use crate::record::{Record, Stages};
+use crate::screen::{Change, all_residuals, columns};
+use crate::workers::{Cancelled, Workers};
+
+/// What a laboratory's description is off by, standard deviation in practical sizes.
+const DESCRIPTION_SIGMA: f64 = 1.5;
+/// Without references: descriptions are taken at their word, to this.
+const WORD_SIGMA: f64 = 0.15;
+/// From run to run and from day to day, in practical sizes: stated prior, worth this many references.
+const VARIATION_SIGMA: f64 = 0.12;
+const VARIATION_RUNS: f64 = 3.0;
+/// The same for battery and temperature, in knobs.
+const WEATHER_SIGMA: f64 = 1.0;
+const GAUSS_NEWTON_STEPS: usize = 3;
+/// Times that the sensitivities are taken anew at the calibrated model.
+const LINEARISATIONS: usize = 2;
+const EXPECTATION_STEPS: usize = 12;
+
+/// The calibrated model with everything that is known about its errors.
+#[derive(Debug, Clone)]
+pub struct Floor {
+    pub model: Hypothesis,
+    /// The same without the calibration.
+    pub given: Hypothesis,
+    pub knobs: Vec<Knob>,
+    /// Calibration, in practical sizes, with standard deviations.
+    pub values: Vec<f64>,
+    pub sigmas: Vec<f64>,
+    pub noise: NoiseModel,
+    /// Variances of the knobs from run to run.
+    pub variation: Vec<f64>,
+    /// Covariance of what the calibration left, a day's difference included.
+    pub uncertainty: Square,
+    pub references: Vec<Record>,
+    /// Of the references under the calibrated model.
+    pub residuals: Vec<Vec<f64>>,
+    /// Sensitivities of the knobs on the references, `[knob][reference]`.
+    pub sensitivities: Vec<Vec<Vec<f64>>>,
+    /// Effects beyond the knobs that the references have as well; part of the model.
+    pub absorbed: Vec<twin::effect::Effect>,
+}
+
+fn prior_variation(knob: &Knob) -> f64 {
+    match knob {
+        Knob::Parameter { .. } => VARIATION_SIGMA * VARIATION_SIGMA,
+        Knob::Supply(_) | Knob::Resistance(_) => WEATHER_SIGMA * WEATHER_SIGMA,
+    }
+}
+
+/// Knobs as changes of a hypothesis.
+pub fn knob_changes(base: &Hypothesis, knobs: &[Knob], stages: &[Stages]) -> Vec<Change> {
+    let pairs = knobs.iter().zip(stages);
+    pairs
+        .map(|(knob, stages)| {
+            let hypothesis = knob.applied(base, 1.0);
+            Change {
+                hypothesis,
+                stages: *stages,
+                step: 1.0,
+            }
+        })
+        .collect()
+}
+
+impl Floor {
+    /// Without references.
+    pub fn stated(given: Hypothesis, knobs: Vec<Knob>) -> Floor {
+        let variation: Vec<f64> = knobs.iter().map(prior_variation).collect();
+        let mut uncertainty = Square::zero(knobs.len());
+        for (k, variance) in variation.iter().enumerate() {
+            uncertainty.set(k, k, variance + WORD_SIGMA * WORD_SIGMA);
+        }
+        Floor {
+            noise: NoiseModel::prior(&given.description),
+            model: given.clone(),
+            given,
+            values: vec![0.0; knobs.len()],
+            sigmas: vec![WORD_SIGMA; knobs.len()],
+            knobs,
+            variation,
+            uncertainty,
+            references: Vec::new(),
+            residuals: Vec::new(),
+            sensitivities: Vec::new(),
+            absorbed: Vec::new(),
+        }
+    }
+
+    /// From references.
+    pub fn calibrated(
+        workers: &dyn Workers,
+        given: Hypothesis,
+        knobs: Vec<Knob>,
+        stages: &[Stages],
+        references: Vec<Record>,
+    ) -> Result<Floor, Cancelled> {
+        let simulated = all_residuals(workers, &references, &given)?;
+        let pairs = references.into_iter().zip(simulated);
+        let (references, start): (Vec<Record>, Vec<Vec<f64>>) =
+            pairs.filter_map(|(record, residual)| Some((record, residual?))).unzip();
+        let mut floor = Floor::stated(given, knobs);
+        if references.is_empty() {
+            return Ok(floor);
+        }
+        floor.references = references;
+        floor.residuals = start;
+        for _ in 0..LINEARISATIONS {
+            let changes = knob_changes(&floor.model, &floor.knobs, stages);
+            floor.sensitivities = columns(workers, &floor.references, &floor.residuals, &changes)?;
+            floor.fit(workers)?;
+        }
+        Ok(floor)
+    }
+
+    /// Takes an effect that the references have as well into the calibrated model.
+    pub fn absorb(&mut self, effects: Vec<twin::effect::Effect>, residuals: Vec<Vec<f64>>) {
+        self.model.effects.extend(effects.iter().cloned());
+        self.absorbed.extend(effects);
+        self.residuals = residuals;
+        self.noise = NoiseModel::fitted(&self.given.description, &self.references, &self.residuals);
+        self.estimate_variation();
+    }
+
+    /// Product over records with the knobs' sensitivities `[knob][record]`.
+    pub fn metric(&self, records: &[Record], sensitivities: &[Vec<Vec<f64>>]) -> Metric {
+        let runs = (0..records.len())
+            .map(|run| {
+                let weights = self.noise.weights(&records[run]);
+                let knobs = sensitivities.iter().map(|knob| knob[run].clone()).collect();
+                (weights, knobs)
+            })
+            .collect();
+        Metric::new(runs, &self.variation, &self.uncertainty)
+    }
+
+    fn fit(&mut self, workers: &dyn Workers) -> Result<(), Cancelled> {
+        let count = self.knobs.len();
+        for _ in 0..GAUSS_NEWTON_STEPS {
+            self.noise = NoiseModel::fitted(&self.given.description, &self.references, &self.residuals);
+            let (information, score) = self.information();
+            let mut system = information;
+            let mut right = score;
+            let precision = 1.0 / (DESCRIPTION_SIGMA * DESCRIPTION_SIGMA);
+            for k in 0..count {
+                system.add(k, k, precision);
+                right[k] -= precision * self.values[k];
+            }
+            let step = system.cholesky().solve(&right);
+            if !self.take(workers, &step)? {
+                break;
+            }
+        }
+        self.noise = NoiseModel::fitted(&self.given.description, &self.references, &self.residuals);
+        self.estimate_variation();
+        let (mut information, _) = self.information();
+        for k in 0..count {
+            information.add(k, k, 1.0 / (DESCRIPTION_SIGMA * DESCRIPTION_SIGMA));
+        }
+        self.uncertainty = information.cholesky().inverse();
+        for k in 0..count {
+            self.sigmas[k] = self.uncertainty.at(k, k).sqrt();
+            self.uncertainty.add(k, k, prior_variation(&self.knobs[k]));
+        }
+        Ok(())
+    }
+
+    /// Takes as much of a step as makes the references more likely; false when none does.
+    fn take(&mut self, workers: &dyn Workers, step: &[f64]) -> Result<bool, Cancelled> {
+        let energy = |residuals: &[Vec<f64>], values: &[f64], floor: &Floor| {
+            let pairs = floor.references.iter().zip(residuals);
+            let misfit: f64 = pairs
+                .map(|(record, residual)| {
+                    let weights = floor.noise.weights(record);
+                    weights.iter().zip(residual).map(|(w, r)| w * r * r).sum::<f64>()
+                })
+                .sum();
+            misfit + dot(values, values) / (DESCRIPTION_SIGMA * DESCRIPTION_SIGMA)
+        };
+        let before = energy(&self.residuals, &self.values, self);
+        for share in [1.0, 0.5, 0.2] {
+            let moved = self.values.iter().zip(step).map(|(v, s)| v + share * s);
+            let values: Vec<f64> = moved
+                .zip(&self.knobs)
+                .map(|(value, knob)| knob.possible(value))
+                .collect();
+            let model = realised(&self.given, &self.knobs, &values);
+            let simulated: Option<Vec<Vec<f64>>> =
+                all_residuals(workers, &self.references, &model)?.into_iter().collect();
+            let Some(residuals) = simulated else { continue };
+            if energy(&residuals, &values, self) < before {
+                self.values = values;
+                self.model = model;
+                self.residuals = residuals;
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    /// S' W S and S' W y of one reference.
+    fn moments(&self, reference: usize) -> (Square, Vec<f64>) {
+        let weights = self.noise.weights(&self.references[reference]);
+        let count = self.knobs.len();
+        let mut gram = Square::zero(count);
+        let mut score = vec![0.0; count];
+        for i in 0..count {
+            let column = &self.sensitivities[i][reference];
+            let left: Vec<f64> = weights.iter().zip(column).map(|(w, v)| w * v).collect();
+            score[i] = dot(&left, &self.residuals[reference]);
+            for j in 0..=i {
+                let product = dot(&left, &self.sensitivities[j][reference]);
+                gram.set(i, j, product);
+                gram.set(j, i, product);
+            }
+        }
+        (gram, score)
+    }
+
+    /// Sum over the references of S' V^-1 S and S' V^-1 y.
+    fn information(&self) -> (Square, Vec<f64>) {
+        let count = self.knobs.len();
+        let mut total = Square::zero(count);
+        let mut scores = vec![0.0; count];
+        for reference in 0..self.references.len() {
+            let (gram, score) = self.moments(reference);
+            let mut inner = gram.clone();
+            for (k, variance) in self.variation.iter().enumerate() {
+                inner.add(k, k, 1.0 / variance.max(1e-12));
+            }
+            let inner = inner.cholesky();
+            let solved = inner.solve(&score);
+            for column in 0..count {
+                let g: Vec<f64> = (0..count).map(|row| gram.at(row, column)).collect();
+                scores[column] += score[column] - dot(&g, &solved);
+                let through = inner.solve(&g);
+                for row in 0..count {
+                    let back: f64 = (0..count).map(|k| gram.at(row, k) * through[k]).sum();
+                    total.add(row, column, gram.at(row, column) - back);
+                }
+            }
+        }
+        (total, scores)
+    }
+
+    /// Variances from run to run by expectation and maximisation, with the stated prior as further runs.
+    fn estimate_variation(&mut self) {
+        let count = self.knobs.len();
+        let moments: Vec<(Square, Vec<f64>)> = (0..self.references.len()).map(|r| self.moments(r)).collect();
+        for _ in 0..EXPECTATION_STEPS {
+            let mut sums: Vec<f64> = self
+                .knobs
+                .iter()
+                .map(|knob| VARIATION_RUNS * prior_variation(knob))
+                .collect();
+            for (gram, score) in &moments {
+                let mut inner = gram.clone();
+                for (k, variance) in self.variation.iter().enumerate() {
+                    inner.add(k, k, 1.0 / variance.max(1e-12));
+                }
+                let covariance = inner.cholesky().inverse();
+                for (k, sum) in sums.iter_mut().enumerate() {
+                    let mean: f64 = (0..count).map(|j| covariance.at(k, j) * score[j]).sum();
+                    *sum += mean * mean + covariance.at(k, k);
+                }
+            }
+            let runs = moments.len() as f64 + VARIATION_RUNS;
+            self.variation = sums.into_iter().map(|sum| sum / runs).collect();
+        }
+    }
+
+    /// Factor on thresholds for variances that few references gave: Student's t against the normal at 99.5 %.
+    pub fn inflation(&self) -> f64 {
+        const T: [f64; 12] = [9.92, 5.84, 4.60, 4.03, 3.71, 3.50, 3.36, 3.25, 3.17, 3.11, 3.05, 3.01];
+        let degrees = self.references.len() + VARIATION_RUNS as usize - 1;
+        let t = T.get(degrees.saturating_sub(2)).copied().unwrap_or(2.9);
+        (t / 2.576) * (t / 2.576)
+    }
+}

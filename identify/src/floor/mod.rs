@@ -1,0 +1,9 @@
+//! The floor: how far twin and measurement are apart where nothing has changed.
+
+mod calibrate;
+mod metric;
+mod noise;
+
+pub use calibrate::{Floor, knob_changes};
+pub use metric::{Metric, dot};
+pub use noise::{ClassNoise, NoiseModel};

@@ -1,0 +1,229 @@
+//! Knobs: small changes in which every laboratory's robot differs from its description, and from day to day.
+//!
+//! They calibrate the nominal model on references, and span the differences between runs that a named effect must stand
+//! out from. A knob of an effect that cannot be negative turns the description's own number instead.
+
+use twin::effect::Effect;
+
+use super::{Candidate, Hypothesis};
+
+/// One direction.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Knob {
+    /// A parameter of an effect, neutral + value.
+    Parameter {
+        name: &'static str,
+        index: Option<usize>,
+        parameter: &'static str,
+        neutral: f64,
+        /// Change for a knob at 1: the practical size.
+        practical: f64,
+        low: f64,
+        high: f64,
+    },
+    /// Supply voltage, share for a knob at 1.
+    Supply(f64),
+    /// Resistance of the motors, share for a knob at 1.
+    Resistance(f64),
+}
+
+/// Effects that are no laboratory's everyday difference, or change nothing when they are small.
+const NEVER: [&str; 18] = [
+    "longitudinal_slip",
+    "stribeck_friction",
+    "command_dead_band",
+    "wheel_speed_saturation",
+    "body_speed_saturation",
+    "acceleration_limit",
+    "low_friction_patch",
+    "lateral_slip",
+    "steering_backlash",
+    "gear_backlash",
+    "carpet_grain",
+    "cable_drag",
+    "wheel_eccentricity",
+    "thermal_drift",
+    "caster_swivel",
+    "camera_seam",
+    "tag_height",
+    "rolling_shutter",
+];
+/// Duplicates of other knobs.
+const DOUBLES: [&str; 3] = ["encoder_scale", "lens_distortion", "battery_droop"];
+/// What the supply and the resistance of a knob at 1 change.
+const SUPPLY_SHARE: f64 = 0.02;
+const RESISTANCE_SHARE: f64 = 0.05;
+
+/// Knobs of a robot, from its candidates.
+pub fn knobs(candidates: &[Candidate], with_motor: bool) -> Vec<Knob> {
+    let mut all = Vec::new();
+    for candidate in candidates {
+        let name = candidate.entry.name;
+        if NEVER.contains(&name) || DOUBLES.contains(&name) {
+            continue;
+        }
+        for axis in candidate
+            .axes
+            .iter()
+            .filter(|axis| axis.carries_size && axis.neutral.is_finite())
+        {
+            all.push(Knob::Parameter {
+                name,
+                index: candidate.index,
+                parameter: axis.name,
+                neutral: axis.neutral,
+                practical: axis.practical,
+                low: axis.low,
+                high: axis.high,
+            });
+        }
+    }
+    if with_motor {
+        all.push(Knob::Supply(SUPPLY_SHARE));
+        all.push(Knob::Resistance(RESISTANCE_SHARE));
+    }
+    all
+}
+
+impl Knob {
+    /// A hypothesis with this knob at some value.
+    pub fn applied(&self, base: &Hypothesis, value: f64) -> Hypothesis {
+        realised(base, core::slice::from_ref(self), &[value])
+    }
+
+    /// The knob that is the same direction as a candidate's axis.
+    pub fn is(&self, candidate: &Candidate, parameter: &str) -> bool {
+        match self {
+            Knob::Parameter {
+                name,
+                index,
+                parameter: own,
+                ..
+            } => *name == candidate.entry.name && *index == candidate.index && *own == parameter,
+            Knob::Supply(_) | Knob::Resistance(_) => false,
+        }
+    }
+
+    /// The nearest value that the knob can have.
+    pub fn possible(&self, value: f64) -> f64 {
+        const BOTH_WAYS: [&str; 5] = [
+            "coulomb_friction",
+            "viscous_friction",
+            "payload",
+            "steering_lag",
+            "floor_friction",
+        ];
+        match self {
+            Knob::Parameter {
+                name,
+                neutral,
+                practical,
+                low,
+                high,
+                ..
+            } if !BOTH_WAYS.contains(name) => value.clamp((low - neutral) / practical, (high - neutral) / practical),
+            _ => value,
+        }
+    }
+
+    /// In words.
+    pub fn label(&self) -> String {
+        match self {
+            Knob::Parameter {
+                name, index, parameter, ..
+            } => match index {
+                Some(index) => format!("{name}.{parameter}[{index}]"),
+                None => format!("{name}.{parameter}"),
+            },
+            Knob::Supply(_) => "supply voltage".to_owned(),
+            Knob::Resistance(_) => "motor resistance".to_owned(),
+        }
+    }
+}
+
+/// A hypothesis with all knobs at their values.
+pub fn realised(base: &Hypothesis, knobs: &[Knob], values: &[f64]) -> Hypothesis {
+    let mut changed = base.clone();
+    for (knob, value) in knobs.iter().zip(values) {
+        if *value == 0.0 {
+            continue;
+        }
+        match knob {
+            Knob::Supply(share) => {
+                if let Some(motor) = &mut changed.description.motor {
+                    motor.supply_v *= 1.0 + share * value;
+                }
+            }
+            Knob::Resistance(share) => {
+                if let Some(motor) = &mut changed.description.motor {
+                    motor.resistance_ohm *= (1.0 + share * value).max(0.3);
+                }
+            }
+            Knob::Parameter {
+                name,
+                index,
+                parameter,
+                neutral,
+                practical,
+                low,
+                high,
+            } => {
+                let change = practical * value;
+                if !in_description(&mut changed, name, parameter, change) {
+                    let number = (neutral + change).clamp(*low, *high);
+                    add(&mut changed.effects, name, *index, parameter, number, *neutral);
+                }
+            }
+        }
+    }
+    changed
+}
+
+/// Changes a number of the description; false when the description has none for this.
+fn in_description(hypothesis: &mut Hypothesis, name: &str, parameter: &str, change: f64) -> bool {
+    let description = &mut hypothesis.description;
+    let motor = description.motor.as_mut();
+    match (name, parameter) {
+        ("coulomb_friction", _) => {
+            if let Some(motor) = motor {
+                motor.coulomb_n_m = (motor.coulomb_n_m + change).max(0.0);
+            }
+        }
+        ("viscous_friction", _) => {
+            if let Some(motor) = motor {
+                motor.viscous_n_m_s = (motor.viscous_n_m_s + change).max(0.0);
+            }
+        }
+        ("payload", "mass") => description.mass_kg = (description.mass_kg + change).max(0.2 * description.mass_kg),
+        ("payload", _) => {
+            description.yaw_inertia_kg_m2 =
+                (description.yaw_inertia_kg_m2 + change).max(0.2 * description.yaw_inertia_kg_m2);
+        }
+        ("steering_lag", _) => {
+            if let Some(steering) = &mut description.steering {
+                steering.lag_s = (steering.lag_s + change).max(0.001);
+            }
+        }
+        // The practical size of the friction is a tenth less.
+        ("floor_friction", _) => description.floor_friction *= (1.0 + change).max(0.2),
+        _ => return false,
+    }
+    true
+}
+
+fn add(effects: &mut Vec<Effect>, name: &str, index: Option<usize>, parameter: &str, number: f64, neutral: f64) {
+    let existing = effects
+        .iter_mut()
+        .find(|effect| effect.name == name && effect.index == index);
+    match existing {
+        Some(effect) => {
+            let sum = effect.value(parameter) + number - neutral;
+            effect.parameters.insert(parameter.to_owned(), Some(sum));
+        }
+        None => {
+            let mut effect = Effect::new(name, &[(parameter, number)]);
+            effect.index = index;
+            effects.push(effect);
+        }
+    }
+}

@@ -1,0 +1,119 @@
+//! Measured channels as inputs of a simulation: lines between samples, never derivatives of noise.
+
+use crate::bundle::Bundle;
+use crate::channel::Channel;
+
+/// Samples of a channel with their times.
+#[derive(Debug, Clone, Default)]
+pub struct Line {
+    pub time_s: Vec<f64>,
+    pub values: Vec<f64>,
+}
+
+/// Longest gap that a line bridges, s.
+const LONGEST_BRIDGE_S: f64 = 0.3;
+
+impl Line {
+    /// A channel of a run; `None` when it is absent or constant although it should move.
+    pub fn of(bundle: &Bundle, channel: Channel) -> Option<Line> {
+        let series = bundle.telemetry.series(channel)?;
+        if series.values.len() < 10 {
+            return None;
+        }
+        let time_s = series
+            .rows
+            .iter()
+            .map(|row| bundle.telemetry.time_s[*row as usize])
+            .collect();
+        Some(Line {
+            time_s,
+            values: series.values.clone(),
+        })
+    }
+
+    /// Value at a time, linear between samples; the ends hold.
+    pub fn at(&self, time_s: f64) -> f64 {
+        let after = self.time_s.partition_point(|t| *t < time_s);
+        match (after.checked_sub(1), self.values.get(after)) {
+            (Some(before), Some(value)) => {
+                let (t0, t1) = (self.time_s[before], self.time_s[after]);
+                let part = (time_s - t0) / (t1 - t0);
+                self.values[before] + part * (value - self.values[before])
+            }
+            (None, Some(value)) => *value,
+            (Some(before), None) => self.values[before],
+            (None, None) => 0.0,
+        }
+    }
+
+    /// True when there is no long gap in a span of time.
+    pub fn covers(&self, from_s: f64, to_s: f64) -> bool {
+        let first = self.time_s.partition_point(|t| *t < from_s).saturating_sub(1);
+        let last = self.time_s.partition_point(|t| *t <= to_s).min(self.time_s.len() - 1);
+        self.time_s[first] <= from_s + LONGEST_BRIDGE_S
+            && self.time_s[last] >= to_s - LONGEST_BRIDGE_S
+            && self.time_s[first..=last]
+                .windows(2)
+                .all(|pair| pair[1] - pair[0] <= LONGEST_BRIDGE_S)
+    }
+}
+
+/// What drives the rolling stage: measured wheels and steering.
+#[derive(Debug, Clone)]
+pub struct RollingInput {
+    /// By position in `wheels`; angles where the run has them, else speeds. None for wheels that are not driven.
+    pub wheels: Vec<Option<WheelLine>>,
+    pub steering: Option<Line>,
+}
+
+/// How a wheel's motion was measured.
+#[derive(Debug, Clone)]
+pub enum WheelLine {
+    Angle(Line),
+    Speed(Line),
+}
+
+impl WheelLine {
+    /// Mean speed over a span of time, rad/s.
+    pub fn speed(&self, from_s: f64, to_s: f64) -> f64 {
+        match self {
+            WheelLine::Angle(line) => (line.at(to_s) - line.at(from_s)) / (to_s - from_s),
+            WheelLine::Speed(line) => line.at(0.5 * (from_s + to_s)),
+        }
+    }
+
+    fn line(&self) -> &Line {
+        match self {
+            WheelLine::Angle(line) | WheelLine::Speed(line) => line,
+        }
+    }
+}
+
+impl RollingInput {
+    /// `None` when a driven wheel has neither angle nor speed.
+    pub fn of(bundle: &Bundle) -> Option<RollingInput> {
+        let mut wheels = Vec::new();
+        for (k, wheel) in bundle.run.robot.wheels.iter().enumerate() {
+            if !wheel.driven {
+                wheels.push(None);
+                continue;
+            }
+            let angle = Line::of(bundle, Channel::WheelAngle(k)).map(WheelLine::Angle);
+            let line = angle.or_else(|| Line::of(bundle, Channel::WheelSpeed(k)).map(WheelLine::Speed))?;
+            wheels.push(Some(line));
+        }
+        wheels.iter().any(Option::is_some).then(|| RollingInput {
+            wheels,
+            steering: Line::of(bundle, Channel::Steering).filter(|_| bundle.run.robot.steering.is_some()),
+        })
+    }
+
+    /// True when all inputs have samples in a span of time.
+    pub fn covers(&self, from_s: f64, to_s: f64) -> bool {
+        self.wheels
+            .iter()
+            .flatten()
+            .all(|wheel| wheel.line().covers(from_s, to_s))
+            && self.steering.as_ref().is_none_or(|line| line.covers(from_s, to_s))
+    }
+}

@@ -1,0 +1,82 @@
+//! Findings in sentences.
+
+use super::schema::{NamedEffect, Verdict};
+
+/// Effect name as a person says it.
+fn plain(name: &str) -> String {
+    name.replace('_', " ")
+}
+
+fn number(value: f64) -> String {
+    let size = value.abs();
+    if size == 0.0 {
+        "0".to_owned()
+    } else if size >= 100.0 {
+        format!("{value:.0}")
+    } else if size >= 1.0 {
+        format!("{value:.2}")
+    } else if size >= 0.01 {
+        format!("{value:.3}")
+    } else {
+        format!("{value:.5}")
+    }
+}
+
+/// One named effect with its numbers and what else it could be.
+pub fn effect_sentence(effect: &NamedEffect) -> String {
+    let mut text = plain(&effect.name);
+    if let Some(index) = effect.index {
+        text.push_str(&format!(" of wheel {index}"));
+    }
+    let parts: Vec<String> = effect
+        .parameters
+        .iter()
+        .filter_map(|parameter| {
+            let value = parameter.value?;
+            let unit = if parameter.unit == "1" { "" } else { &parameter.unit };
+            let interval = match (parameter.low, parameter.high) {
+                (Some(low), Some(high)) => format!(" ({} to {})", number(low), number(high)),
+                _ => String::new(),
+            };
+            Some(
+                format!("{} {}{interval} {unit}", plain(&parameter.name), number(value))
+                    .trim_end()
+                    .to_owned(),
+            )
+        })
+        .collect();
+    text.push_str(&format!(": {}", parts.join(", ")));
+    if !effect.alternatives.is_empty() {
+        let others: Vec<String> = effect.alternatives.iter().map(|name| plain(name)).collect();
+        text.push_str(&format!("; these runs cannot tell it from {}", others.join(", ")));
+    }
+    text
+}
+
+/// The whole in one sentence.
+pub fn verdict_sentence(
+    verdict: Verdict,
+    effects: &[NamedEffect],
+    explained: Option<f64>,
+    where_it_is: &str,
+) -> String {
+    let names: Vec<String> = effects.iter().map(|effect| plain(&effect.name)).collect();
+    let names = names.join(", ");
+    let share = explained.map_or(String::new(), |fraction| {
+        format!(
+            " It explains {:.0} % of the gap on runs that were not used.",
+            100.0 * fraction
+        )
+    });
+    match verdict {
+        Verdict::NoDiscrepancy => {
+            "Twin and measurement agree as well as in the references: nothing is to be named.".to_owned()
+        }
+        Verdict::Unexplained => {
+            format!("The disagreement is real and no effect of the library explains it. {where_it_is}")
+        }
+        Verdict::Confirmed => format!("Missing in the twin: {names}.{share}"),
+        Verdict::Partial => format!("Missing in the twin: {names}, but not proven or not all.{share}"),
+        Verdict::Ambiguous => format!("Missing in the twin: {names} or its like; another run can tell.{share}"),
+    }
+}

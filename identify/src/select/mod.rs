@@ -1,0 +1,7 @@
+//! Choosing: roles of runs, acceptance of an effect, what the data cannot tell apart.
+
+mod round;
+mod split;
+
+pub use round::{Finalist, Round, Sensitivities, Side, Stop, round};
+pub use split::{Role, roles};

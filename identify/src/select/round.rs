@@ -1,0 +1,466 @@
+//! One round: screen, fit the short list, judge on validation runs, keep at most one effect.
+
+use twin::effect::Effect;
+
+use crate::fit::{Fit, Member, Problem, fit, with_members};
+use crate::floor::{Floor, Metric};
+use crate::hypothesis::{Candidate, Hypothesis};
+use crate::random::Random;
+use crate::record::{Record, Stages, residuals};
+use crate::screen::{Change, Score, columns, scores, thresholds};
+use crate::workers::{Cancelled, Workers, gathered};
+
+/// Most candidates that are fitted in a round.
+const SHORT_LIST: usize = 10;
+/// Beyond the first few, candidates with a smaller share of the best score are not fitted.
+const FITTED_ANYWAY: usize = 5;
+const WORTH_FITTING: f64 = 0.08;
+/// Slow to simulate: fitted only among the first three.
+const SLOW: &str = "longitudinal_slip";
+/// Share of the threshold below which old sensitivities are enough to stop.
+const NOTHING_LEFT: f64 = 0.7;
+/// Share of null replicates below the threshold.
+const LEVEL: f64 = 0.995;
+/// Decrease on validation runs that chance does not give, for one candidate (chi^2 of one, 99 %).
+const VALIDATION_GAIN: f64 = 6.6;
+/// Gain per residual on validation runs over that on training runs, at least.
+const CONSISTENT: f64 = 0.2;
+/// Half-splits, and bootstrap replicates.
+const REPLICATES: usize = 200;
+/// A winner that is the best in a smaller share of half-splits has rivals: those that are the best in this share of them.
+const STABLE: f64 = 0.8;
+const RIVAL: f64 = 0.2;
+/// Cosine from which two effects are one to these runs.
+const SAME: f64 = 0.95;
+/// Difference of gains, as a share, that the laws' own inaccuracy makes.
+const LAW_SHARE: f64 = 0.02;
+/// Part of what is explained that the laws of the explanation leave as a rest of their own.
+const LAW_REST: f64 = 0.01;
+
+/// Training and validation side of the data.
+pub struct Side<'a> {
+    pub records: &'a [Record],
+    pub metric: &'a Metric,
+    /// Residuals under the model of the round.
+    pub residuals: &'a [Vec<f64>],
+}
+
+/// What a round knows.
+pub struct Round<'a> {
+    pub floor: &'a Floor,
+    pub reference_metric: Option<&'a Metric>,
+    pub train: Side<'a>,
+    pub validation: Side<'a>,
+    pub model: &'a Hypothesis,
+    pub candidates: &'a [Candidate],
+    /// Gain on the training runs of what is already in the model.
+    pub explained: f64,
+    pub seed: u64,
+}
+
+/// A fitted candidate with its evidence.
+#[derive(Debug, Clone)]
+pub struct Finalist {
+    pub position: usize,
+    pub member: Member,
+    pub gain_train: f64,
+    pub gain_validation: f64,
+    /// Amplitude at which the same change is in the references; 1 = just as much.
+    pub in_references: f64,
+    pub stability: f64,
+    /// Share of bootstrap replicates of the validation runs that it makes worse.
+    pub harmful: f64,
+    /// Size in practical sizes.
+    pub size: f64,
+    pub because: Option<String>,
+    /// Cosine to the accepted one, after projection.
+    pub cosine: f64,
+}
+
+impl Finalist {
+    pub fn gain(&self) -> f64 {
+        self.gain_train + self.gain_validation
+    }
+
+    pub fn effect(&self) -> Effect {
+        self.member.candidate.effect(&self.member.values)
+    }
+}
+
+/// How a round ended.
+pub struct Stop {
+    pub scores: Vec<Score>,
+    pub threshold: f64,
+    /// By gain; accepted first when there is one.
+    pub finalists: Vec<Finalist>,
+    /// Position in `finalists`.
+    pub accepted: Option<usize>,
+    /// Positions of those that the data cannot tell from the accepted one.
+    pub alternatives: Vec<usize>,
+    /// Columns' products with the residual of the training runs.
+    pub simulations: usize,
+}
+
+struct Fitted {
+    fit: Fit,
+    position: usize,
+}
+
+/// Sensitivities of all candidates' columns on the training runs, `[column][record]`, kept from round to round.
+#[derive(Debug, Default)]
+pub struct Sensitivities {
+    columns: Vec<Vec<Vec<f64>>>,
+    /// Taken at the present model.
+    is_fresh: bool,
+}
+
+impl Sensitivities {
+    /// The model has changed: good enough to see that nothing is left, not to choose with.
+    pub fn outdate(&mut self) {
+        self.is_fresh = false;
+    }
+}
+
+/// Runs a round.
+pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Sensitivities) -> Result<Stop, Cancelled> {
+    let mut gram = None;
+    if !kept.columns.is_empty() {
+        let old = products(data, &kept.columns);
+        let most = scores(data.candidates, &old)
+            .iter()
+            .map(|score| score.gain)
+            .fold(0.0, f64::max);
+        let threshold = thresholds(data.candidates, &old, LEVEL, data.seed) * data.floor.inflation();
+        if kept.is_fresh || most < NOTHING_LEFT * threshold {
+            gram = Some(old);
+        }
+    }
+    let gram = match gram {
+        Some(gram) => gram,
+        None => {
+            kept.columns = sensitivities(workers, data)?;
+            kept.is_fresh = true;
+            products(data, &kept.columns)
+        }
+    };
+    let scores = scores(data.candidates, &gram);
+    let threshold = thresholds(data.candidates, &gram, LEVEL, data.seed) * data.floor.inflation();
+    let mut order: Vec<usize> = (0..data.candidates.len())
+        .filter(|c| scores[*c].gain > threshold)
+        .collect();
+    order.sort_by(|a, b| scores[*b].gain.total_cmp(&scores[*a].gain).then(a.cmp(b)));
+    let order = short_list(data.candidates, &order, &scores);
+    let mut stop = Stop {
+        scores,
+        threshold,
+        finalists: Vec::new(),
+        accepted: None,
+        alternatives: Vec::new(),
+        simulations: 0,
+    };
+    if order.is_empty() {
+        return Ok(stop);
+    }
+    let threshold = threshold.max(LAW_REST * data.explained);
+    stop.threshold = threshold;
+    let fitted = fits(workers, data, &order, &stop.scores)?;
+    stop.simulations = fitted.iter().map(|fitted| fitted.fit.simulations).sum();
+    let judged = gathered(workers, fitted.len(), &|f| judge(data, &fitted[f], threshold))?;
+    let mut pairs: Vec<(Finalist, &Fitted)> = judged.into_iter().zip(&fitted).collect();
+    pairs.sort_by(|a, b| b.0.gain().total_cmp(&a.0.gain()).then(a.0.position.cmp(&b.0.position)));
+    stability(data, &mut pairs);
+    stop.accepted = pairs.iter().position(|(finalist, _)| finalist.because.is_none());
+    if let Some(best) = stop.accepted {
+        let own: Vec<Vec<f64>> = difference(data.train.residuals, &pairs[best].1.fit.residuals);
+        for (finalist, fitted) in &mut pairs {
+            let other = difference(data.train.residuals, &fitted.fit.residuals);
+            finalist.cosine = cosine(data.train.metric, &own, &other);
+        }
+        let best_gain = pairs[best].0.gain();
+        let slack = VALIDATION_GAIN * data.floor.inflation() + LAW_SHARE * best_gain;
+        let name = pairs[best].0.member.candidate.entry.name;
+        for (position, (finalist, _)) in pairs.iter().enumerate() {
+            let deficit = best_gain - finalist.gain();
+            let alike = finalist.cosine > SAME && deficit < slack + 0.03 * best_gain;
+            let other = finalist.member.candidate.entry.name != name
+                || finalist.member.candidate.index != pairs[best].0.member.candidate.index;
+            let plausible = finalist.because.is_none() && finalist.size >= 0.5;
+            let rival = pairs[best].0.stability < STABLE && finalist.stability > RIVAL;
+            if position != best && other && plausible && (deficit < slack || alike || rival) {
+                stop.alternatives.push(position);
+            }
+        }
+    }
+    stop.finalists = pairs.into_iter().map(|pair| pair.0).collect();
+    Ok(stop)
+}
+
+/// The best of the order, at most two wheels of the same effect.
+fn short_list(candidates: &[Candidate], order: &[usize], scores: &[Score]) -> Vec<usize> {
+    let mut list: Vec<usize> = Vec::new();
+    let best = order.first().map_or(0.0, |first| scores[*first].gain);
+    for candidate in order {
+        let name = candidates[*candidate].entry.name;
+        let same = list
+            .iter()
+            .filter(|other| candidates[**other].entry.name == name)
+            .count();
+        let late = name == SLOW && list.len() >= 3;
+        let weak = list.len() >= FITTED_ANYWAY && scores[*candidate].gain < WORTH_FITTING * best;
+        if same < 2 && list.len() < SHORT_LIST && !late && !weak {
+            list.push(*candidate);
+        }
+    }
+    list
+}
+
+fn sensitivities(workers: &dyn Workers, data: &Round) -> Result<Vec<Vec<Vec<f64>>>, Cancelled> {
+    let mut changes = Vec::new();
+    for candidate in data.candidates {
+        for column in &candidate.columns {
+            changes.push(Change {
+                hypothesis: data.model.with(candidate.effect(&column.values)),
+                stages: candidate.stages,
+                step: 1.0,
+            });
+        }
+    }
+    columns(workers, data.train.records, data.train.residuals, &changes)
+}
+
+/// Products of the residual and all columns on the training runs.
+fn products(data: &Round, columns: &[Vec<Vec<f64>>]) -> crate::linear::Square {
+    let mut vectors: Vec<Vec<&[f64]>> = vec![slices(data.train.residuals)];
+    vectors.extend(columns.iter().map(|column| slices(column)));
+    data.train.metric.gram(&vectors)
+}
+
+fn fits(workers: &dyn Workers, data: &Round, order: &[usize], scores: &[Score]) -> Result<Vec<Fitted>, Cancelled> {
+    let mut starts: Vec<(usize, Vec<f64>)> = Vec::new();
+    for candidate in order {
+        starts.push((*candidate, scores[*candidate].start.clone()));
+        starts.extend(
+            scores[*candidate]
+                .more_starts
+                .iter()
+                .map(|start| (*candidate, start.clone())),
+        );
+    }
+    let problem = Problem {
+        records: data.train.records,
+        metric: data.train.metric,
+        base: data.model,
+        residuals: data.train.residuals,
+    };
+    let results = gathered(workers, starts.len(), &|item| {
+        let (position, values) = &starts[item];
+        let member = Member {
+            candidate: data.candidates[*position].clone(),
+            values: values.clone(),
+        };
+        fit(&problem, vec![member])
+    })?;
+    let mut best: Vec<Fitted> = Vec::new();
+    for ((position, _), result) in starts.iter().zip(results) {
+        let Some(fit) = result else { continue };
+        match best.iter_mut().find(|fitted| fitted.position == *position) {
+            Some(known) if known.fit.gain < fit.gain => known.fit = fit,
+            Some(_) => {}
+            None => best.push(Fitted {
+                fit,
+                position: *position,
+            }),
+        }
+    }
+    Ok(best)
+}
+
+fn difference(base: &[Vec<f64>], changed: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    base.iter()
+        .zip(changed)
+        .map(|(b, c)| b.iter().zip(c).map(|(b, c)| b - c).collect())
+        .collect()
+}
+
+fn slices(vectors: &[Vec<f64>]) -> Vec<&[f64]> {
+    vectors.iter().map(Vec::as_slice).collect()
+}
+
+fn cosine(metric: &Metric, a: &[Vec<f64>], b: &[Vec<f64>]) -> f64 {
+    let gram = metric.gram(&[slices(a), slices(b)]);
+    gram.at(0, 1) / (gram.at(0, 0) * gram.at(1, 1)).sqrt().max(1e-12)
+}
+
+/// Evidence on validation runs and references, and the first gate that it does not pass.
+fn judge(data: &Round, fitted: &Fitted, threshold: f64) -> Finalist {
+    let member = fitted.fit.members[0].clone();
+    let model = with_members(data.model, core::slice::from_ref(&member));
+    let mut finalist = Finalist {
+        position: fitted.position,
+        size: member.candidate.size(&member.values),
+        gain_train: fitted.fit.gain,
+        gain_validation: 0.0,
+        in_references: 0.0,
+        stability: 0.0,
+        harmful: 1.0,
+        because: None,
+        cosine: 0.0,
+        member,
+    };
+    let stages = finalist.member.candidate.stages;
+    let pairs = data.validation.records.iter().zip(data.validation.residuals);
+    let changed: Option<Vec<Vec<f64>>> = pairs
+        .map(|(record, base)| residuals(record, &model, stages, Some(base)))
+        .collect();
+    let Some(changed) = changed else {
+        finalist.because = Some("cannot be simulated on the validation runs".to_owned());
+        return finalist;
+    };
+    if !changed.is_empty() {
+        let gram = data
+            .validation
+            .metric
+            .gram(&[slices(data.validation.residuals), slices(&changed)]);
+        finalist.gain_validation = gram.at(0, 0) - gram.at(1, 1);
+        finalist.harmful = harmful(data, &changed);
+    }
+    if let Some(metric) = data.reference_metric {
+        finalist.in_references = amplitude_in_references(data, metric, &model, stages).unwrap_or(0.0);
+    }
+    finalist.because = gate(data, &finalist, threshold);
+    finalist
+}
+
+/// Bootstrap of the validation windows: share of replicates with more energy than before.
+fn harmful(data: &Round, changed: &[Vec<f64>]) -> f64 {
+    let mut random = Random::new(data.seed, 0x6861_726d);
+    let mut runs: Vec<Vec<f64>> = Vec::new();
+    for (run, record) in data.validation.records.iter().enumerate() {
+        runs.push(window_gains(
+            data.validation.metric,
+            run,
+            record,
+            &data.validation.residuals[run],
+            &changed[run],
+        ));
+    }
+    let mut worse = 0;
+    for _ in 0..REPLICATES {
+        let mut sum = 0.0;
+        for _ in 0..runs.len() {
+            let run = &runs[random.below(runs.len())];
+            for _ in 0..run.len() {
+                sum += run[random.below(run.len())];
+            }
+        }
+        worse += usize::from(sum <= 0.0);
+    }
+    worse as f64 / REPLICATES as f64
+}
+
+/// Decrease of the weighted energy of every window.
+fn window_gains(metric: &Metric, run: usize, record: &Record, before: &[f64], after: &[f64]) -> Vec<f64> {
+    let mut from = 0;
+    let mut gains = Vec::with_capacity(record.windows.len());
+    for window in &record.windows {
+        let to = from + window.drive.len() + window.rolling.as_ref().map_or(0, crate::record::Chain::len);
+        gains.push(metric.energy(run, from, to, before) - metric.energy(run, from, to, after));
+        from = to;
+    }
+    gains
+}
+
+fn amplitude_in_references(data: &Round, metric: &Metric, model: &Hypothesis, stages: Stages) -> Option<f64> {
+    let pairs = data.floor.references.iter().zip(&data.floor.residuals);
+    let changed: Option<Vec<Vec<f64>>> = pairs
+        .map(|(record, base)| residuals(record, model, stages, Some(base)))
+        .collect();
+    let own = difference(&data.floor.residuals, &changed?);
+    let gram = metric.gram(&[slices(&data.floor.residuals), slices(&own)]);
+    // Too weak on the references to say.
+    (gram.at(1, 1) > 9.0).then(|| gram.at(0, 1) / gram.at(1, 1))
+}
+
+fn gate(data: &Round, finalist: &Finalist, threshold: f64) -> Option<String> {
+    let cells = |records: &[Record]| records.iter().map(Record::len).sum::<usize>().max(1) as f64;
+    if finalist.gain_train < threshold {
+        return Some(format!(
+            "gain {:.0} on the training runs is below the threshold {threshold:.0}",
+            finalist.gain_train
+        ));
+    }
+    if !data.validation.records.is_empty() {
+        let least = VALIDATION_GAIN * data.floor.inflation();
+        if finalist.gain_validation < least {
+            return Some(format!(
+                "gain {:.0} on the validation runs is below {least:.0}",
+                finalist.gain_validation
+            ));
+        }
+        let per_validation = finalist.gain_validation / cells(data.validation.records);
+        let per_training = finalist.gain_train / cells(data.train.records);
+        if per_validation < CONSISTENT * per_training {
+            return Some("explains much less on the validation runs than on those it was fitted to".to_owned());
+        }
+        if finalist.harmful > 0.05 {
+            return Some(format!(
+                "makes {:.0} % of the bootstrap replicates worse",
+                100.0 * finalist.harmful
+            ));
+        }
+    }
+    if finalist.in_references > 0.5 {
+        return Some(format!(
+            "is in the references as well, at {:.0} % of its size",
+            100.0 * finalist.in_references
+        ));
+    }
+    let at_bound = finalist
+        .member
+        .candidate
+        .axes
+        .iter()
+        .zip(&finalist.member.values)
+        .any(|(axis, value)| {
+            axis.carries_size
+                && axis.neutral.is_finite()
+                && axis.low != axis.neutral
+                && axis.high != axis.neutral
+                && (value <= &axis.low || value >= &axis.high)
+        });
+    at_bound.then(|| "its best value is at the end of the possible range".to_owned())
+}
+
+/// Share of half-splits of all windows in which a finalist, or one just like it, gains most.
+fn stability(data: &Round, pairs: &mut [(Finalist, &Fitted)]) {
+    let gains: Vec<Vec<f64>> = pairs
+        .iter()
+        .map(|(_, fitted)| {
+            let mut all = Vec::new();
+            for (run, record) in data.train.records.iter().enumerate() {
+                let (before, after) = (&data.train.residuals[run], &fitted.fit.residuals[run]);
+                all.extend(window_gains(data.train.metric, run, record, before, after));
+            }
+            all
+        })
+        .collect();
+    let windows = gains.first().map_or(0, Vec::len);
+    if windows == 0 {
+        return;
+    }
+    let passes: Vec<bool> = pairs.iter().map(|(finalist, _)| finalist.because.is_none()).collect();
+    let mut wins = vec![0.0; pairs.len()];
+    let mut random = Random::new(data.seed, 0x6861_6c66);
+    for _ in 0..REPLICATES {
+        let half: Vec<usize> = (0..windows).filter(|_| random.uniform() < 0.5).collect();
+        let sums: Vec<f64> = gains.iter().map(|gain| half.iter().map(|w| gain[*w]).sum()).collect();
+        let open = sums.iter().zip(&passes).filter(|(_, passes)| **passes);
+        let best = open.map(|(sum, _)| *sum).fold(f64::NEG_INFINITY, f64::max);
+        for (win, sum) in wins.iter_mut().zip(&sums) {
+            *win += f64::from(u8::from(*sum >= 0.95 * best && *sum > 0.0));
+        }
+    }
+    for ((finalist, _), win) in pairs.iter_mut().zip(wins) {
+        finalist.stability = win / REPLICATES as f64;
+    }
+}
