@@ -2,14 +2,14 @@
 
 use crate::fan::fan;
 use crate::table::Row;
+use crate::{Scene, SceneRobot};
 use anyhow::{Result, anyhow};
+use emulator::hidden::HiddenRobot;
 use emulator::noise::Noise;
 use lab::commander::{Commander, Order, Still};
-use robot::firmware::{Firmware, Received, Sensors, Settings};
+use robot::firmware::{Firmware, Received, Sensors};
 use robot::frame::{self, TELEMETRY_MAX_CHARACTERS};
 use robot::key::Key;
-use robot::speed_loop::SpeedLoopSettings;
-use robot::watchdog::WatchdogSettings;
 
 const TICK_US: i64 = 8333;
 /// Longest that a frame may be on its way.
@@ -59,17 +59,17 @@ impl World {
         let mut random = Noise::new(seed, 0x57A1E ^ (number << 24));
         let key = Key::from_hex("000102030405060708090a0b0c0d0e0f").ok_or_else(|| anyhow!("no key"))?;
         let other = Key::from_hex("100102030405060708090a0b0c0d0e0f").ok_or_else(|| anyhow!("no key"))?;
-        let settings = Settings {
-            number: 1,
-            key,
-            motors: 4,
-            speed_loop: SpeedLoopSettings {
-                kp_v_s_per_rad: 0.1,
-                ki_v_per_rad: 1.0,
-                sample_s: 1.0 / 480.0,
-            },
-            watchdog: WatchdogSettings::default(),
-        };
+        let scene = Scene::new(
+            "omni4",
+            &[SceneRobot {
+                start: [0.0; 3],
+                goal: [0.0; 2],
+            }],
+            1.0,
+        )?;
+        let robots = scene.robots()?;
+        let robot = robots.first().ok_or_else(|| anyhow!("no robot"))?;
+        let settings = emulator::commissioning::settings(robot, key, &HiddenRobot::default())?;
         // Even worlds have a link that is slow one way, 12 and 2 ms; the others a quick one.
         let [up_us, down_us] = [[12_000, 2000], [2000, 12_000], [2000, 2000]][(number % 3) as usize];
         Ok(Self {
