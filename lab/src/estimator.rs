@@ -296,7 +296,7 @@ mod tests {
     #[test]
     fn a_jump_is_never_believed_while_the_wheels_stand() {
         let mut track = PoseTrack::new(LIMITS);
-        let mut travel = |track: &mut PoseTrack, k: i64, travel_m: f64| {
+        let travel = |track: &mut PoseTrack, k: i64, travel_m: f64| {
             track.wheels_travelled_until(travel_m, k * 8333);
         };
         travel(&mut track, 0, 0.0);

@@ -3,7 +3,8 @@
 
 use emulator::hidden::{FrictionPatch, HiddenFloor, HiddenRobot, RunVariation};
 use emulator::noise::Noise;
-use emulator::plant::body::{Body, Drive, Push};
+use emulator::plant::body::{Body, Drive, Ground, Push};
+use emulator::plant::contents::PlantContents;
 use emulator::plant::{Pose, SUBSTEPS, Step, TICK_HZ};
 use identify::bundle::Bundle;
 use identify::diagnose::Run;
@@ -254,6 +255,7 @@ fn record(
         csv.push_str(",command_steering_rad,steering_rad");
     }
     csv.push_str(",bus_v,gyro_z_rad_per_s,accel_x_m_per_s2,accel_y_m_per_s2,pose_x_m,pose_y_m,pose_yaw_rad\n");
+    let contents = PlantContents::default();
     let step = Step {
         dt_s: 1.0 / f64::from(TICK_HZ * SUBSTEPS),
     };
@@ -384,7 +386,11 @@ fn record(
             stuck_wheel: None,
         };
         for _ in 0..SUBSTEPS {
-            body.step(&drive, &change.floor, &Push::default(), step);
+            let ground = Ground {
+                floor: &change.floor,
+                contents: &contents,
+            };
+            body.step(&drive, &ground, &Push::default(), step);
         }
         let force = body.specific_force_m_per_s2();
         for axis in 0..2 {
