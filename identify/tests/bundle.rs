@@ -129,7 +129,9 @@ fn positions_in_millimetres_are_refused() {
     }
     let refused = Bundle::parse(&run_json(), csv.as_bytes());
     assert!(
-        refused.as_ref().is_err_and(|error| error.to_string().contains("millimetres")),
+        refused
+            .as_ref()
+            .is_err_and(|error| error.to_string().contains("millimetres")),
         "{refused:?}"
     );
     // One wild pose is the tracker's, not a unit.
