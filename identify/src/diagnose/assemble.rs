@@ -98,7 +98,8 @@ fn verdict(case: &Case) -> Verdict {
     if naming.iter().any(|taken| !other_names(taken).is_empty()) {
         return Verdict::Ambiguous;
     }
-    if remains || validation < 2 || case.locked.len() < 2 {
+    // Without references an effect may be an error of the description itself.
+    if remains || validation < 2 || case.locked.len() < 2 || case.floor.noise.is_prior {
         return Verdict::Partial;
     }
     Verdict::Confirmed
