@@ -2,6 +2,7 @@
 
 use crate::arena::Arena;
 use crate::experiment::Experiment;
+use crate::health::{LinkQuality, RobotHealth};
 use crate::robot::LabRobot;
 use crate::run::{Fault, RunState};
 use serde::{Deserialize, Serialize};
@@ -115,4 +116,12 @@ pub struct RobotStatus {
     pub name: String,
     pub online: bool,
     pub bus_v: Option<f64>,
+    /// Absent from robots that do not tell.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub health: Option<RobotHealth>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub link: Option<LinkQuality>,
+    /// The robot says that it obeys a stop.
+    #[serde(default)]
+    pub stop_acknowledged: bool,
 }

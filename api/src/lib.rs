@@ -5,6 +5,7 @@
 
 pub mod arena;
 pub mod experiment;
+pub mod health;
 pub mod lab;
 pub mod live;
 pub mod problem;

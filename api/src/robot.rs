@@ -1,5 +1,6 @@
 //! Robot description as it stands in `run.json` and in the laboratory's file.
 
+use crate::health::{LinkQuality, RobotHealth};
 use serde::{Deserialize, Serialize};
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -149,4 +150,9 @@ pub struct RobotView {
     pub message: Option<String>,
     /// Last measured bus voltage.
     pub bus_v: Option<f64>,
+    /// What it last said about itself.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub health: Option<RobotHealth>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub link: Option<LinkQuality>,
 }

@@ -45,6 +45,8 @@ enum Command {
     Runs(commands::runs::Arguments),
     /// Ask a run to stop
     Cancel(commands::cancel::Arguments),
+    /// Press the laboratory's protective stop
+    Stop(commands::stop::Arguments),
     /// Download and check a run's archive
     Fetch(commands::fetch::Arguments),
     /// Replay the commands of a run bundle through the twin and write a bundle
@@ -79,6 +81,7 @@ async fn run(arguments: Arguments, output: &Output) -> anyhow::Result<()> {
         Command::Watch(a) => commands::watch::run(a, &settings, output).await,
         Command::Runs(a) => commands::runs::run(a, &settings, output).await,
         Command::Cancel(a) => commands::cancel::run(a, &settings, output).await,
+        Command::Stop(a) => commands::stop::run(a, &settings, output).await,
         Command::Fetch(a) => commands::fetch::run(a, &settings, output).await,
         Command::Simulate(a) => commands::simulate::run(&a, output),
         Command::Diagnose(a) => commands::diagnose::run(&a, output),

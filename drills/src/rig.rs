@@ -198,6 +198,7 @@ impl Rig {
                 cancel: false,
                 lease_until_us: i64::MAX,
                 recorder_failed: false,
+                robot_finding: None,
             },
             records: Vec::new(),
             keep_records: true,

@@ -4,9 +4,9 @@ use crate::commissioning;
 use crate::faults::{FaultKind, Faults};
 use crate::hidden::{Hidden, HiddenRobot};
 use crate::noise::Noise;
-use crate::plant::Pose;
 use crate::plant::arena::{MotorStage, Occupant};
 use crate::plant::body::{Body, BodyError, Drive};
+use crate::plant::{Pose, Step};
 use crate::sensors::SensorSet;
 use api::robot::LabRobot;
 use robot::firmware::{Firmware, Received, Settings};
@@ -132,6 +132,8 @@ impl Unit {
             &mut self.random,
         )?;
         body.place(pose);
+        // Only the rack charges; a robot that comes from the floor keeps what it has.
+        body.battery.charge = body.battery.charge.min(self.body.battery.charge);
         self.sensors.carry_angles_over(&self.body);
         self.body = body;
         self.on_floor = true;
@@ -174,8 +176,14 @@ impl Unit {
         self.faults.seen_as = None;
     }
 
-    /// One firmware step; the voltages hold until the next.
+    /// One firmware step; the voltages hold until the next. A robot on the rack charges, switched on or not.
     pub fn step_firmware(&mut self, now_us: i64) {
+        if !self.on_floor {
+            let step = Step {
+                dt_s: 1.0 / robot::firmware::RATE_HZ,
+            };
+            self.body.battery.charge(self.hidden.battery_charge, step);
+        }
         self.drive = Drive {
             motor_v: None,
             steering_rad: self.drive.steering_rad,

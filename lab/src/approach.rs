@@ -64,7 +64,7 @@ pub async fn drive(
         poses,
         telemetry,
         recorder: recorder.clone(),
-        signals: run::signals(lab, lease, recorder),
+        signals: run::signals(lab, lease, recorder, assignment),
         duration_ticks: (TIME_LIMIT_S * TICK_HZ as f64).round() as i64,
         first_tick: FIRST_TICK,
         phase_us: lab.localisation.tick_phase_us(1e6 / TICK_HZ as f64),

@@ -2,6 +2,8 @@
 
 use crate::backoff::Backoff;
 use crate::lab::Lab;
+use crate::ladder::Finding;
+use crate::rack;
 use crate::run;
 use crate::salvage;
 use crate::service::ServiceError;
@@ -34,7 +36,7 @@ pub async fn keep_claiming(lab: Arc<Lab>) {
         match next {
             Ok(assignment) => {
                 backoff.reset();
-                if let Some(assignment) = assignment {
+                if let Some(assignment) = assignment.filter(|assignment| is_fit(&lab, assignment)) {
                     run::run(&lab, assignment).await;
                 }
             }
@@ -51,6 +53,20 @@ pub async fn keep_claiming(lab: Arc<Lab>) {
     }
 }
 
+/// False when a robot of the run got unfit during the claim: then the claim is abandoned, and its lease runs out unused.
+fn is_fit(lab: &Lab, assignment: &Assignment) -> bool {
+    let finding = |number| lab.link.robot(number).map_or(Finding::Fine, |robot| robot.finding());
+    let unfit = assignment
+        .robots
+        .iter()
+        .find(|robot| finding(robot.number) != Finding::Fine);
+    if let Some(robot) = unfit {
+        let (name, finding) = (&robot.description.name, finding(robot.number).code());
+        tracing::warn!(run.id = %assignment.run_id, robot.id = %name, finding, "claim abandoned");
+    }
+    unfit.is_none()
+}
+
 async fn next_run(lab: &Lab) -> Result<Option<Assignment>, ServiceError> {
     if !lab.registered.load(Ordering::Relaxed) {
         lab.service.register(&lab.description).await?;
@@ -58,6 +74,9 @@ async fn next_run(lab: &Lab) -> Result<Option<Assignment>, ServiceError> {
         tracing::info!(lab = lab.description.name, "registered");
     }
     salvage::sweep(lab).await?;
+    rack::clear_floor(lab).await;
+    // The service must not hand out a run for a robot whose trouble it has not heard of yet.
+    lab.service.status(&lab.status()).await?;
     let request = ClaimRequest {
         lab: lab.description.name.clone(),
         arena: lab.description.arena.name.clone(),

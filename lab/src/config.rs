@@ -1,6 +1,7 @@
 //! Settings of the process: flags, each of which may stand in the environment.
 
 use clap::Parser;
+use robot::medium::MediumKind;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
@@ -29,6 +30,9 @@ pub struct Config {
     /// Host of the robots.
     #[arg(long, env = "ROBOPHEUS_ROBOT_HOST", default_value = "127.0.0.1")]
     pub robot_host: String,
+    /// What carries the frames: ideal, wifi, wifi-bursty, digimesh or serial. Runs that it cannot carry are refused.
+    #[arg(long, env = "ROBOPHEUS_MEDIUM", default_value = "wifi", value_parser = crate::medium::named)]
+    pub medium: MediumKind,
     /// Socket of a camera's process (`robopheus-camera serve --poses`); once for each camera, in the order of their numbers.
     #[arg(long, env = "ROBOPHEUS_CAMERAS", value_delimiter = ',')]
     pub camera: Vec<PathBuf>,

@@ -13,6 +13,9 @@ pub const STATUS_LATCHED: u8 = 1 << 2;
 /// Bit of the status byte: the robot knows the laboratory's clock and accepts commands.
 pub const STATUS_CLOCK_KNOWN: u8 = 1 << 3;
 
+/// Bit of the status byte: a stop is obeyed.
+pub const STATUS_STOPPED: u8 = 1 << 4;
+
 /// Why a datagram is not used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Refusal {

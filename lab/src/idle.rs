@@ -12,7 +12,10 @@ use std::time::Duration;
 
 /// Between two rounds.
 const PERIOD: Duration = Duration::from_millis(100);
-/// While the stop is pressed.
+/// After a press, until every robot that is there obeys, and for [`STOP_ROUNDS`] at least: a control tick.
+const PRESS_PERIOD: Duration = Duration::from_micros(8_333);
+const STOP_ROUNDS: u32 = 12;
+/// While the stop stays pressed.
 const STOP_PERIOD: Duration = Duration::from_millis(20);
 
 /// Starts the thread; it ends with the process.
@@ -22,11 +25,19 @@ pub fn start(link: Arc<Link>, latch: Arc<StopLatch>, book: Arc<Mutex<EpochBook>>
     std::thread::Builder::new()
         .name("idle-robots".to_owned())
         .spawn(move || {
+            let mut stop_rounds = 0_u32;
             loop {
-                let (still, period) = if latch.is_pressed() {
-                    (Still::Latch, STOP_PERIOD)
+                stop_rounds = if latch.is_pressed() {
+                    u32::saturating_add(stop_rounds, 1)
                 } else {
-                    (Still::Rest, PERIOD)
+                    0
+                };
+                let obeyed = || link.robots().all(|robot| robot.has_stopped() || !robot.is_online());
+                let (still, period) = match stop_rounds {
+                    0 => (Still::Rest, PERIOD),
+                    1..=STOP_ROUNDS => (Still::Latch, PRESS_PERIOD),
+                    _ if !obeyed() => (Still::Latch, PRESS_PERIOD),
+                    _ => (Still::Latch, STOP_PERIOD),
                 };
                 for robot in link.robots() {
                     robot.send_idle(still, &book);

@@ -3,15 +3,18 @@
 use crate::config::Config;
 use crate::epochs::EpochBook;
 use crate::hub::Hub;
-use crate::link::Link;
+use crate::link::{Link, RobotLink};
+use crate::link_statistics::LinkStatistics;
 use crate::localisation::{Localisation, Source};
 use crate::service::Service;
 use crate::stop_latch::StopLatch;
 use crate::stop_port::{StateSource, StopState};
 use anyhow::{Context, Result, bail};
+use api::health::{LinkQuality, RobotHealth};
 use api::lab::{LabDescription, LabStatus, RobotStatus};
 use api::live::LiveFrame;
 use robot::key::Key;
+use robot::medium::MediumProfile;
 use std::collections::BTreeMap;
 use std::fs::{File, TryLockError};
 use std::net::ToSocketAddrs;
@@ -33,6 +36,8 @@ pub struct Lab {
     pub instance: Uuid,
     pub latch: Arc<StopLatch>,
     pub link: Arc<Link>,
+    /// What carries the frames.
+    pub medium: &'static MediumProfile,
     pub localisation: Arc<Localisation>,
     pub hand: PathBuf,
     /// `<data>/lab`: runs, epochs, stop mark.
@@ -123,6 +128,7 @@ impl Lab {
             instance: Uuid::now_v7(),
             latch: Arc::new(StopLatch::open(&folder)),
             link,
+            medium: MediumProfile::of(config.medium),
             localisation: Localisation::start(source).context("start the localisation")?,
             hand: config.hand.clone(),
             book: Arc::new(Mutex::new(book)),
@@ -149,10 +155,13 @@ impl Lab {
 
     /// Robots' health, by number.
     pub fn robots(&self) -> Vec<RobotStatus> {
-        let status = |robot: &Arc<crate::link::RobotLink>| RobotStatus {
+        let status = |robot: &Arc<RobotLink>| RobotStatus {
             name: robot.name.clone(),
             online: robot.is_online(),
             bus_v: robot.newest().map(|telemetry| telemetry.bus_v),
+            health: robot_health(robot),
+            link: robot.health().map(|_| link_quality(&robot.statistics())),
+            stop_acknowledged: robot.has_stopped(),
         };
         self.link.robots().map(status).collect()
     }
@@ -178,6 +187,27 @@ impl StateSource for Lab {
             phase: activity.map(|activity| activity.phase.to_owned()),
             robots: self.robots(),
         }
+    }
+}
+
+/// What the robot says about itself, findings as the laboratory holds them.
+fn robot_health(robot: &RobotLink) -> Option<RobotHealth> {
+    let ((health, _), held) = robot.health().zip(robot.held())?;
+    Some(RobotHealth {
+        battery: held.battery,
+        rest_v: health.rest_v,
+        stalled: held.stalled,
+        sensor_fault: held.sensor_fault,
+        bounded_estimate: health.bounded,
+    })
+}
+
+fn link_quality(statistics: &LinkStatistics) -> LinkQuality {
+    LinkQuality {
+        loss_share: statistics.loss(),
+        delay_p50_ms: statistics.delay_p50_ms,
+        delay_p95_ms: statistics.delay_p95_ms,
+        jitter_ms: statistics.jitter_ms,
     }
 }
 

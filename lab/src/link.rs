@@ -3,9 +3,10 @@
 use crate::clock::monotonic_us;
 use crate::clock_map::link_clock_ms;
 use crate::commander::{CommandPart, Commander, Order, Sent, Still};
-use crate::ear::{Ear, Heard};
+use crate::ear::{Ear, Heard, STATUS_STOPPED};
 use crate::epochs::{EpochBook, RESERVED_FRAMES};
 use crate::feed::Feed;
+use crate::ladder::{Finding, Findings, Held, Ladder};
 use crate::link_statistics::LinkStatistics;
 use crate::record::Telemetry;
 use api::robot::LabRobot;
@@ -16,7 +17,7 @@ use std::collections::BTreeMap;
 use std::io;
 use std::net::{IpAddr, SocketAddr, UdpSocket};
 use std::ops::{Deref, DerefMut};
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 use std::sync::mpsc::Receiver;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -44,6 +45,9 @@ pub struct RobotLink {
     /// Newest health with its arrival; robots that send it read groups, too.
     health: Mutex<Option<(Health, i64)>>,
     statistics: Mutex<LinkStatistics>,
+    /// The gravest finding that counts now, for the control loop, which takes no lock.
+    finding: AtomicU8,
+    held: Mutex<Option<Held>>,
     /// Right to send; a run takes it out.
     port: Mutex<Option<RobotPort>>,
 }
@@ -90,6 +94,8 @@ impl Link {
                 newest: Mutex::default(),
                 health: Mutex::default(),
                 statistics: Mutex::default(),
+                finding: AtomicU8::new(Finding::Fine.to_byte()),
+                held: Mutex::default(),
                 port: Mutex::default(),
             });
             let place = book.reserve(number)?;
@@ -137,6 +143,7 @@ impl Link {
     fn receive(&self, socket: &UdpSocket) {
         let mut buffer = [0; 512];
         let mut ears: BTreeMap<u8, Ear> = BTreeMap::new();
+        let mut ladders: BTreeMap<u8, Ladder> = BTreeMap::new();
         loop {
             let length = match socket.recv_from(&mut buffer) {
                 Ok((length, _)) => length,
@@ -157,6 +164,8 @@ impl Link {
                 Ok(Heard::Health(health)) => {
                     *lock(&robot.health) = Some((health, arrival_us));
                     *lock(&robot.statistics) = ear.statistics();
+                    let ladder = ladders.entry(robot.number).or_default();
+                    robot.take_findings(ladder.report(&Findings::of(&health), arrival_us));
                     continue;
                 }
                 Ok(Heard::Counters(_)) => continue,
@@ -192,6 +201,24 @@ impl RobotLink {
         lock(&self.health).map(|(health, arrival_us)| (health, monotonic_us() - arrival_us))
     }
 
+    /// The gravest finding that counts now.
+    pub fn finding(&self) -> Finding {
+        Finding::from_byte(self.finding.load(Ordering::Acquire))
+    }
+
+    /// All that counts now; none from robots that do not tell.
+    pub fn held(&self) -> Option<Held> {
+        *lock(&self.held)
+    }
+
+    fn take_findings(&self, held: Held) {
+        let before = Finding::from_byte(self.finding.swap(held.gravest.to_byte(), Ordering::AcqRel));
+        *lock(&self.held) = Some(held);
+        if before != held.gravest {
+            tracing::warn!(robot.id = %self.name, finding = held.gravest.code(), "health");
+        }
+    }
+
     /// How well its frames come through, at the last health frame.
     pub fn statistics(&self) -> LinkStatistics {
         *lock(&self.statistics)
@@ -201,6 +228,12 @@ impl RobotLink {
     pub fn is_online(&self) -> bool {
         self.newest()
             .is_some_and(|telemetry| monotonic_us() - telemetry.arrival_us < ONLINE_US)
+    }
+
+    /// Its newest telemetry says that it obeys a stop.
+    pub fn has_stopped(&self) -> bool {
+        self.newest()
+            .is_some_and(|telemetry| telemetry.status & STATUS_STOPPED != 0)
     }
 
     /// Takes the right to send; `None` while someone else has it.

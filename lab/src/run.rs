@@ -4,10 +4,12 @@ use crate::clock::monotonic_us;
 use crate::deliver;
 use crate::estimator::{PoseSample, PoseTrack};
 use crate::lab::{Activity, Lab};
+use crate::ladder;
 use crate::lease::{Heart, Lease};
 use crate::link::HeldPort;
 use crate::live::LivePicture;
 use crate::loop_120hz::{self, LoopEnd, LoopResult, Setup};
+use crate::medium;
 use crate::pilot::PilotRobot;
 use crate::prepare::{self, Keeper};
 use crate::record::{End, LogLevel, Record, Start};
@@ -157,6 +159,8 @@ async fn try_attempt(
     let scenario = scenario(assignment)?;
     let team = Team::new(&scenario).map_err(refused)?;
     let ports = take_ports(lab, assignment)?;
+    let grouped = ports.len() > 1 && ports.iter().all(|port| port.reads_groups());
+    medium::check(lab.medium, ports.len(), TICK_HZ as f64, grouped)?;
     let ports = prepare::prepare(lab, assignment, lease, recorder, ports).await?;
     let keeper = keep(lab, ports)?;
     let running = report_running(lab, assignment, lease).await;
@@ -176,7 +180,7 @@ async fn try_attempt(
         poses,
         telemetry,
         recorder: recorder.clone(),
-        signals: signals(lab, lease, recorder),
+        signals: signals(lab, lease, recorder, assignment),
         duration_ticks: (assignment.experiment.duration_s * TICK_HZ as f64).round() as i64,
         first_tick: 0,
         phase_us: lab.localisation.tick_phase_us(1e6 / TICK_HZ as f64),
@@ -330,8 +334,11 @@ pub(crate) fn signals(
     lab: &Arc<Lab>,
     lease: &Arc<Lease>,
     recorder: &RecorderHandle,
+    assignment: &Assignment,
 ) -> Box<dyn Fn() -> Signals + Send> {
     let (lab, lease, recorder) = (lab.clone(), lease.clone(), recorder.clone());
+    let numbers = assignment.robots.iter().map(|robot| robot.number);
+    let robots: Vec<_> = numbers.filter_map(|number| lab.link.robot(number).cloned()).collect();
     Box::new(move || Signals {
         protective_stop: lab.latch.is_pressed(),
         shutdown: lab.shutdown.is_requested(),
@@ -339,6 +346,7 @@ pub(crate) fn signals(
         cancel: lease.is_cancelled(),
         lease_until_us: lease.until_us(),
         recorder_failed: recorder.failed(),
+        robot_finding: ladder::gravest(robots.iter().map(|robot| robot.finding())),
     })
 }
 

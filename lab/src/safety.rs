@@ -3,6 +3,7 @@
 //! It does not avoid collisions; the safety filter in `control` does. It decides whether there may be motion at all.
 //! Whatever ends a run stays the reason: the first ending wins and is never left.
 
+use crate::ladder::{Consequence, Finding};
 use api::run::{Fault, RunState, Whose};
 
 /// Without a tracker frame for this long no robot moves.
@@ -56,6 +57,8 @@ pub struct Signals {
     pub lease_until_us: i64,
     /// The recorder failed: what is not recorded does not drive.
     pub recorder_failed: bool,
+    /// Robot of the run (index in the experiment) in the gravest state; none while all are well.
+    pub robot_finding: Option<(usize, Finding)>,
 }
 
 /// Permission for one tick.
@@ -80,6 +83,8 @@ pub enum Ending {
     RecorderFailed,
     /// Index of the robot in the experiment.
     RobotSilent(usize),
+    /// Index of the robot in the experiment, and what is wrong with it.
+    RobotUnfit(usize, Finding),
     TrackerSilent,
     /// Index of the robot in the experiment.
     PoseLost(usize),
@@ -117,6 +122,10 @@ fn find_ending(inputs: &Inputs) -> Option<Ending> {
             .position(|robot| robot.telemetry_age_us > ROBOT_SILENT_US)
     };
     let lost = || inputs.robots.iter().position(|robot| robot.pose_age_us > POSE_FAIL_US);
+    let unfit = |consequence| {
+        let found = signals.robot_finding;
+        found.filter(|(_, finding)| finding.consequence() == consequence)
+    };
     if signals.protective_stop {
         Some(Ending::ProtectiveStop)
     } else if signals.shutdown {
@@ -127,12 +136,16 @@ fn find_ending(inputs: &Inputs) -> Option<Ending> {
         Some(Ending::LeaseLost)
     } else if signals.recorder_failed {
         Some(Ending::RecorderFailed)
+    } else if let Some((robot, finding)) = unfit(Consequence::Stop) {
+        Some(Ending::RobotUnfit(robot, finding))
     } else if let Some(robot) = silent() {
         Some(Ending::RobotSilent(robot))
     } else if inputs.tracker_age_us > TRACKER_FAIL_US {
         Some(Ending::TrackerSilent)
     } else if let Some(robot) = lost() {
         Some(Ending::PoseLost(robot))
+    } else if let Some((robot, finding)) = unfit(Consequence::EndRun) {
+        Some(Ending::RobotUnfit(robot, finding))
     } else if signals.cancel {
         Some(Ending::Cancelled)
     } else if inputs.team_finished || inputs.time_over {
@@ -190,6 +203,12 @@ impl Ending {
                     ROBOT_SILENT_US / 1000
                 ),
             ),
+            Self::RobotUnfit(index, finding) => (
+                RunState::Failed,
+                Whose::Robot,
+                finding.code(),
+                format!("{}.", finding.words(name(index))),
+            ),
             Self::TrackerSilent => (
                 RunState::Failed,
                 Whose::Platform,
@@ -245,6 +264,7 @@ mod tests {
         cancel: false,
         lease_until_us: i64::MAX,
         recorder_failed: false,
+        robot_finding: None,
     };
 
     fn inputs(robots: &[RobotHealth]) -> Inputs<'_> {
@@ -392,6 +412,37 @@ mod tests {
             );
             assert_eq!(safety.tick(&inputs(&FINE)), Permission::Ended(ending));
             assert_eq!(ending.report(&[]).0, state);
+        }
+    }
+
+    #[test]
+    fn a_robot_in_trouble_ends_the_run_and_is_named_and_a_low_battery_does_not() {
+        let found = |finding| {
+            let signals = Signals {
+                robot_finding: Some((1, finding)),
+                ..QUIET
+            };
+            Safety::default().tick(&Inputs {
+                signals,
+                ..inputs(&FINE)
+            })
+        };
+        assert_eq!(found(Finding::BatteryLow), Permission::Drive);
+        for finding in [
+            Finding::BatteryCritical,
+            Finding::Stalled,
+            Finding::SensorFault,
+            Finding::BatteryEmpty,
+        ] {
+            let ending = Ending::RobotUnfit(1, finding);
+            assert_eq!(found(finding), Permission::Ended(ending));
+            let (state, fault) = ending.report(&["omni-01".into(), "omni-02".into()]);
+            let fault = fault.expect("a fault");
+            assert_eq!(
+                (state, fault.whose, fault.code.as_str()),
+                (RunState::Failed, Whose::Robot, finding.code())
+            );
+            assert!(fault.message.contains("omni-02"), "{}", fault.message);
         }
     }
 

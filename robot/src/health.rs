@@ -47,6 +47,8 @@ const HARD_SHARE: f64 = 0.5;
 const STANDING_RAD_PER_S: f64 = 0.3;
 /// How long a wheel may stand against a hard drive.
 const STALL_S: f64 = 1.5;
+/// A finding lasts this long at least, so that several reports tell it.
+const HELD_S: f64 = 0.5;
 /// How long sensors may give nonsense.
 const SENSOR_S: f64 = 0.1;
 /// A gyro does not show more.
@@ -65,6 +67,8 @@ pub struct HealthMonitor {
     step_s: f64,
     standing_s: [f64; MAX_MOTORS],
     nonsense_s: f64,
+    /// Time left that each finding is held: stalled, sensor fault.
+    held_s: [f64; 2],
 }
 
 impl HealthMonitor {
@@ -73,6 +77,7 @@ impl HealthMonitor {
             step_s,
             standing_s: [0.0; MAX_MOTORS],
             nonsense_s: 0.0,
+            held_s: [0.0; 2],
         }
     }
 
@@ -102,10 +107,18 @@ impl HealthMonitor {
         } else {
             0.0
         };
+        let found = [
+            self.standing_s.iter().any(|standing_s| *standing_s >= STALL_S),
+            self.nonsense_s >= SENSOR_S,
+        ];
+        for (held_s, found) in self.held_s.iter_mut().zip(found) {
+            *held_s = if found { HELD_S } else { *held_s - self.step_s };
+        }
+        let [stalled, sensor_fault] = self.held_s.map(|held_s| held_s > 0.0);
         Findings {
             battery,
-            stalled: self.standing_s.iter().any(|standing_s| *standing_s >= STALL_S),
-            sensor_fault: self.nonsense_s >= SENSOR_S,
+            stalled,
+            sensor_fault,
         }
     }
 }
@@ -162,7 +175,8 @@ mod tests {
         }
         step(20.0, 0.1);
         assert!(step(20.0, 0.1));
-        assert!(!step(2.0, 0.0), "not driven");
+        let told = (0..100).take_while(|_| step(2.0, 0.0)).count();
+        assert!((48..=50).contains(&told), "told for half a second: {told} steps");
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use crate::SILENT_S;
 use crate::connect::Store;
 use crate::error::{Result, StoreError};
+use crate::robot_health::{HealthColumns, HealthRow};
 use api::arena::{Arena, ArenaView, Contents};
 use api::lab::{LabDescription, LabStatus};
 use api::robot::{LabRobot, RobotView};
@@ -17,6 +18,9 @@ struct RobotRow {
     online: bool,
     leased: bool,
     bus_v: Option<f64>,
+    unfit: Option<String>,
+    #[sqlx(flatten)]
+    health: HealthRow,
 }
 
 #[derive(sqlx::FromRow)]
@@ -82,17 +86,34 @@ impl Store {
         let names: Vec<&str> = status.robots.iter().map(|robot| robot.name.as_str()).collect();
         let online: Vec<bool> = status.robots.iter().map(|robot| robot.online).collect();
         let bus_v: Vec<Option<f64>> = status.robots.iter().map(|robot| robot.bus_v).collect();
+        let columns = HealthColumns::of(&status.robots);
         sqlx::query(
-            "INSERT INTO robot_status (arena, name, online, bus_v, seen_at)
-             SELECT DISTINCT ON (r.name) $1, r.name, n.online, n.bus_v, clock_timestamp()
-             FROM unnest($2::text[], $3::bool[], $4::float8[]) n(name, online, bus_v)
+            "INSERT INTO robot_status (arena, name, online, bus_v, battery, rest_v, stalled, sensor_fault, bounded_estimate,
+                loss_share, delay_p50_ms, delay_p95_ms, jitter_ms, seen_at)
+             SELECT DISTINCT ON (r.name) $1, r.name, n.online, n.bus_v, n.battery, n.rest_v, n.stalled, n.sensor_fault, n.bounded_estimate,
+                n.loss_share, n.delay_p50_ms, n.delay_p95_ms, n.jitter_ms, clock_timestamp()
+             FROM unnest($2::text[], $3::bool[], $4::float8[], $5::text[], $6::float8[], $7::bool[], $8::bool[], $9::bool[],
+                $10::float8[], $11::float8[], $12::float8[], $13::float8[])
+                n(name, online, bus_v, battery, rest_v, stalled, sensor_fault, bounded_estimate, loss_share, delay_p50_ms, delay_p95_ms, jitter_ms)
              JOIN robots r ON r.arena = $1 AND r.name = n.name ORDER BY r.name
-             ON CONFLICT (arena, name) DO UPDATE SET online = excluded.online, bus_v = excluded.bus_v, seen_at = excluded.seen_at",
+             ON CONFLICT (arena, name) DO UPDATE SET online = excluded.online, bus_v = excluded.bus_v, battery = excluded.battery,
+                rest_v = excluded.rest_v, stalled = excluded.stalled, sensor_fault = excluded.sensor_fault,
+                bounded_estimate = excluded.bounded_estimate, loss_share = excluded.loss_share, delay_p50_ms = excluded.delay_p50_ms,
+                delay_p95_ms = excluded.delay_p95_ms, jitter_ms = excluded.jitter_ms, seen_at = excluded.seen_at",
         )
         .bind(&status.arena)
         .bind(names)
         .bind(online)
         .bind(bus_v)
+        .bind(columns.battery)
+        .bind(columns.rest_v)
+        .bind(columns.stalled)
+        .bind(columns.sensor_fault)
+        .bind(columns.bounded_estimate)
+        .bind(columns.loss_share)
+        .bind(columns.delay_p50_ms)
+        .bind(columns.delay_p95_ms)
+        .bind(columns.jitter_ms)
         .execute(&mut *transaction)
         .await?;
         transaction.commit().await?;
@@ -104,7 +125,9 @@ impl Store {
         let rows: Vec<RobotRow> = sqlx::query_as(
             "SELECT r.arena, r.name, r.document::text AS document,
                 coalesce(s.seen_at > clock_timestamp() - make_interval(secs => $1), false) AS heard,
-                coalesce(s.online, false) AS online, s.bus_v,
+                coalesce(s.online, false) AS online, s.bus_v, s.battery, s.rest_v, s.stalled, s.sensor_fault, s.bounded_estimate,
+                s.loss_share, s.delay_p50_ms, s.delay_p95_ms, s.jitter_ms,
+                robot_unfit_reason(s.battery, s.stalled, s.sensor_fault) AS unfit,
                 EXISTS (SELECT FROM leases l JOIN runs c ON c.id = l.run_id WHERE l.arena = r.arena AND r.name = ANY(c.robot_names)) AS leased
              FROM robots r LEFT JOIN robot_status s ON s.arena = r.arena AND s.name = r.name ORDER BY r.arena, r.number",
         )
@@ -188,7 +211,7 @@ impl RobotRow {
             (false, _, _) => ("offline", Some("the laboratory has not reported it for 5 s")),
             (true, false, _) => ("offline", Some("the laboratory does not hear it")),
             (true, true, true) => ("leased", Some("part of the run in this arena")),
-            (true, true, false) => ("idle", None),
+            (true, true, false) => ("idle", self.unfit.as_deref()),
         };
         Ok(RobotView {
             name: self.name,
@@ -196,6 +219,8 @@ impl RobotRow {
             robot: serde_json::from_str(&self.document).map_err(StoreError::corrupt("robot"))?,
             state: state.to_owned(),
             message: message.map(str::to_owned),
+            health: self.health.health(),
+            link: self.health.link(),
             bus_v: self.bus_v,
         })
     }

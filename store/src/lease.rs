@@ -33,7 +33,7 @@ struct TakenRow {
 }
 
 impl Store {
-    /// Leases the arena to the oldest queued run whose robots are there; `None` when nothing is to do.
+    /// Leases the arena to the oldest queued run whose robots are there and fit to drive; `None` when nothing is to do.
     pub async fn run_claim(&self, claim: &Claim, lease: Duration) -> Result<Option<ClaimedRun>> {
         let lease_s = seconds("lease", lease)?;
         if !self.claim_worthwhile(&claim.arena).await? {
@@ -207,7 +207,8 @@ async fn take_next_run(connection: &mut PgConnection, arena: &str) -> Result<Opt
         "WITH next AS (
             SELECT r.id FROM runs r
             WHERE r.state = 'queued' AND r.arena = $1
-              AND r.robot_names <@ ARRAY(SELECT name FROM robots WHERE arena = $1)
+              AND r.robot_names <@ ARRAY(SELECT x.name FROM robots x LEFT JOIN robot_status s ON s.arena = x.arena AND s.name = x.name
+                    WHERE x.arena = $1 AND robot_unfit_reason(s.battery, s.stalled, s.sensor_fault) IS NULL)
               AND NOT EXISTS (SELECT FROM leases WHERE arena = $1)
             ORDER BY r.queue_number LIMIT 1 FOR UPDATE SKIP LOCKED)
          UPDATE runs r SET state = 'preparing', epoch = nextval('epochs'), attempts = r.attempts + 1, claimed_at = clock_timestamp()

@@ -18,6 +18,7 @@ mod listen;
 mod model;
 pub mod outcome;
 mod reap;
+mod robot_health;
 mod run;
 mod run_file;
 mod run_view;

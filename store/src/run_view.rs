@@ -45,6 +45,7 @@ struct SituationRow {
     stopped: bool,
     held_reason: Option<String>,
     robots_missing: Vec<String>,
+    robots_unfit: Vec<String>,
     ahead: i64,
     ahead_s: f64,
     busy_s: Option<f64>,
@@ -64,6 +65,9 @@ macro_rules! run_select {
                 CASE WHEN a.held_until > clock_timestamp() THEN a.held_reason END AS held_reason,
                 CASE WHEN r.state = 'queued' THEN ARRAY(SELECT n FROM unnest(r.robot_names) n
                     WHERE NOT EXISTS (SELECT FROM robots x WHERE x.arena = r.arena AND x.name = n)) ELSE '{}' END AS robots_missing,
+                CASE WHEN r.state = 'queued' THEN ARRAY(SELECT x.name || ' ' || robot_unfit_reason(x.battery, x.stalled, x.sensor_fault)
+                    FROM robot_status x WHERE x.arena = r.arena AND x.name = ANY(r.robot_names)
+                      AND robot_unfit_reason(x.battery, x.stalled, x.sensor_fault) IS NOT NULL ORDER BY x.name) ELSE '{}' END AS robots_unfit,
                 q.ahead, q.ahead_s, b.busy_s, clock_timestamp() AS read_at
              FROM runs r
              JOIN experiments e ON e.id = r.experiment_id
@@ -193,6 +197,7 @@ impl SituationRow {
             stopped: self.stopped,
             held_reason: self.held_reason,
             robots_missing: self.robots_missing,
+            robots_unfit: self.robots_unfit,
             ahead: self.ahead,
             ahead_s: self.ahead_s,
             busy_s: self.busy_s,

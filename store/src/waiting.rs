@@ -12,6 +12,8 @@ pub(crate) struct Situation {
     pub stopped: bool,
     pub held_reason: Option<String>,
     pub robots_missing: Vec<String>,
+    /// Sentences without a full stop: why robots of the run get none.
+    pub robots_unfit: Vec<String>,
     /// Runs before this one in the queue.
     pub ahead: i64,
     /// Time those runs are expected to take.
@@ -56,6 +58,9 @@ fn queued_reason(situation: &Situation) -> String {
         );
         return format!("{names} {verb} not in the arena {arena}");
     }
+    if !situation.robots_unfit.is_empty() {
+        return situation.robots_unfit.join("; ");
+    }
     match situation.ahead + i64::from(situation.busy_s.is_some()) {
         0 => "next in line: the laboratory is about to take it".to_owned(),
         1 => format!("one run ahead of you in arena {arena}"),
@@ -77,7 +82,8 @@ pub(crate) fn expected_wait_s(state: RunState, situation: &Situation) -> Option<
         && situation.lab_connected
         && !situation.stopped
         && situation.held_reason.is_none()
-        && situation.robots_missing.is_empty();
+        && situation.robots_missing.is_empty()
+        && situation.robots_unfit.is_empty();
     predictable.then(|| situation.busy_s.unwrap_or(0.0) + situation.ahead_s + RUN_OVERHEAD_S / 2.0)
 }
 

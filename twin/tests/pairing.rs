@@ -160,6 +160,7 @@ fn the_set_holds_nothing_else() {
     let mut found: Vec<String> = fs::read_dir(root().join("examples/robots"))
         .unwrap()
         .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .filter(|name| name.ends_with(".json"))
         .collect();
     found.sort();
     let mut expected: Vec<String> = reference_set()

@@ -36,7 +36,7 @@ const TEST_EDGES: &[(&str, &[&str])] = &[
     ("control", &["api"]),
     // The emulated plant against the nominal twin.
     ("identify", &["api", "emulator", "robot"]),
-    ("system-tests", &["control"]),
+    ("system-tests", &["control", "robot"]),
     // The twin's motor control against the firmware's, bit for bit.
     ("twin", &["robot"]),
 ];

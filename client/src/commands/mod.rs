@@ -6,6 +6,7 @@ pub mod fetch;
 pub mod login;
 pub mod runs;
 pub mod simulate;
+pub mod stop;
 pub mod submit;
 pub mod validate;
 pub mod watch;

@@ -121,8 +121,16 @@ impl World {
                 name: robot.description.name.clone(),
                 online: true,
                 bus_v: Some(24.0),
+                health: None,
+                link: None,
+                stop_acknowledged: false,
             })
             .collect();
+        self.report_robots(stopped, robots).await;
+    }
+
+    pub async fn report_robots(&self, stopped: bool, robots: Vec<RobotStatus>) {
+        let lab = lab();
         let status = LabStatus {
             lab: lab.name,
             arena: lab.arena.name,

@@ -54,6 +54,9 @@ async fn a_status_of_an_unknown_laboratory_is_refused() {
         name: "ghost".to_owned(),
         online: true,
         bus_v: None,
+        health: None,
+        link: None,
+        stop_acknowledged: false,
     };
     let status = LabStatus {
         lab: "reference-lab".to_owned(),

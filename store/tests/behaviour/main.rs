@@ -12,6 +12,7 @@ mod job;
 mod laboratory;
 mod listen;
 mod reap;
+mod robot_health;
 mod submit;
 mod terminal;
 mod waiting;

@@ -39,12 +39,12 @@ pub fn show(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) 
     ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
         parts::card(ui, palette, |ui| {
             Grid::new("robots")
-                .num_columns(5)
+                .num_columns(6)
                 .min_col_width(120.0)
                 .min_row_height(34.0)
                 .spacing(vec2(24.0, 4.0))
                 .show(ui, |ui| {
-                    for title in ["Robot", "State", "Battery", "Chassis", "Message"] {
+                    for title in ["Robot", "State", "Battery", "Link", "Chassis", "Message"] {
                         ui.label(
                             RichText::new(title)
                                 .text_style(egui::TextStyle::Small)
@@ -56,7 +56,8 @@ pub fn show(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) 
                         let name = ui.label(RichText::new(&row.name).strong());
                         output.mark(format!("robots.row.{}", row.name), &name);
                         ui.horizontal(|ui| parts::pill(ui, palette, &row.state, row.tone));
-                        ui.label(&row.battery);
+                        ui.label(RichText::new(&row.battery).color(palette.tone(row.battery_tone)));
+                        ui.label(RichText::new(&row.link).color(palette.tone(row.link_tone)));
                         ui.label(&row.kind);
                         ui.label(&row.message);
                         ui.end_row();
