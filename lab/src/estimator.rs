@@ -155,7 +155,7 @@ impl PoseTrack {
     fn odometer_at_m(&self, at_us: i64) -> Option<f64> {
         let readings = || self.odometer.iter().take(self.readings);
         let at = readings().find(|reading| reading.at_us <= at_us);
-        at.or_else(|| readings().last()).map(|reading| reading.travelled_m)
+        at.or_else(|| readings().next_back()).map(|reading| reading.travelled_m)
     }
 
     /// Takes a pose of the localisation.

@@ -235,5 +235,8 @@ fn a_recorded_stream_gives_a_line_for_each_good_picture() {
     let sequences: Vec<u64> = lines.iter().map(|line| line.observation.sequence).collect();
     assert_eq!(sequences, [0, 1, 2, 3, 4, 6, 7, 8, 9, 10, 11]);
     assert!(lines.iter().all(|line| line.observation.poses.len() == 6));
-    assert!(words.contains("damaged") && words.contains("4 px is not possible"), "{words}");
+    assert!(
+        words.contains("damaged") && words.contains("4 px is not possible"),
+        "{words}"
+    );
 }

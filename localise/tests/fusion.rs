@@ -165,6 +165,22 @@ fn poses_and_velocities_follow_within_their_covariance() {
 }
 
 #[test]
+fn a_camera_that_was_switched_off_and_on_counts_anew() {
+    let mut run = Run::new(FusionSettings::default());
+    run.good(20);
+    // Half a second is 60 frames: before that a small sequence is an old picture.
+    run.step += 50;
+    assert_eq!(run.frame(0, |frame| frame.sequence = 0), Admission::OutOfOrder);
+    run.step += 30;
+    assert_eq!(run.frame(0, |frame| frame.sequence = 0), Admission::Used);
+    run.step += 1;
+    assert_eq!(run.frame(0, |frame| frame.sequence = 1), Admission::Used);
+    run.step += 1;
+    assert_eq!(run.frame(0, |frame| frame.sequence = 1), Admission::OutOfOrder);
+    assert_eq!(run.fusion.counts().missed_frames, 0);
+}
+
+#[test]
 fn old_frames_are_dropped_and_counted_and_missing_ones_too() {
     let mut run = Run::new(FusionSettings::default());
     run.good(20);

@@ -14,7 +14,10 @@ const EDGES: &[(&str, &[&str])] = &[
     ("client", &["api", "control", "identify", "twin"]),
     ("control", &["twin"]),
     // The laboratory in virtual time: its own code against the plant.
-    ("drills", &["api", "control", "emulator", "lab", "localise", "robot"]),
+    (
+        "drills",
+        &["api", "control", "emulator", "lab", "localise", "robot", "twin"],
+    ),
     ("emulator", &["api", "robot"]),
     ("identify", &["twin"]),
     ("lab", &["api", "control", "localise", "robot", "twin"]),

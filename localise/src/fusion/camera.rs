@@ -5,6 +5,9 @@ use serde::{Deserialize, Serialize};
 use super::{Admission, FusionSettings};
 use crate::localiser::Observation;
 
+/// A smaller sequence this long after the last picture is a new start, not an old picture.
+const RESTART_US: i64 = 500_000;
+
 /// What is remembered of a camera.
 #[derive(Debug, Clone, Default)]
 pub struct CameraState {
@@ -69,10 +72,12 @@ impl CameraState {
             });
             return (Admission::Used, 0);
         };
-        if sequence <= last.sequence || exposure_us <= last.exposure_us {
+        // A camera that was switched off and on counts from 0 again, long after its last picture.
+        let restarted = sequence <= last.sequence && exposure_us - last.exposure_us > RESTART_US;
+        if (sequence <= last.sequence && !restarted) || exposure_us <= last.exposure_us {
             return (Admission::OutOfOrder, 0);
         }
-        let missed = sequence - last.sequence - 1;
+        let missed = if restarted { 0 } else { sequence - last.sequence - 1 };
         (last.sequence, last.exposure_us, last.arrival_us) = (sequence, exposure_us, now_us);
         if digest != last.digest {
             (last.digest, last.changed_us) = (digest, exposure_us);

@@ -240,7 +240,9 @@ impl Programs {
     }
 
     fn emulator(&self) -> Command {
-        self.remove_sockets();
+        // Its own only: a camera's process goes on listening while the emulator is away.
+        let frames = CAMERAS.iter().map(|camera| camera.frames);
+        self.remove_files([TRACKER_SOCKET, HAND_SOCKET].into_iter().chain(frames));
         let mut command = self.command("robopheus-emulator");
         self.add_robot_flags(&mut command);
         if self.measure {
@@ -327,7 +329,11 @@ impl Programs {
     /// Removes the laboratory's sockets, which nobody listens on any more.
     pub fn remove_sockets(&self) {
         let cameras = CAMERAS.iter().flat_map(|camera| [camera.frames, camera.poses]);
-        for name in [TRACKER_SOCKET, HAND_SOCKET].into_iter().chain(cameras) {
+        self.remove_files([TRACKER_SOCKET, HAND_SOCKET].into_iter().chain(cameras));
+    }
+
+    fn remove_files<'a>(&self, names: impl Iterator<Item = &'a str>) {
+        for name in names {
             fs::remove_file(self.socket(name)).ok();
         }
     }
