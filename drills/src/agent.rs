@@ -56,7 +56,7 @@ fn nap(number: u64, seed: u64) -> Result<Nap> {
     let asleep_m = way_m(&mut rig, |rig| rig.sleep_for(sleep_s - AT_REST_S));
     // Stopped and woken: the same process goes on. Killed: another one that has no new epoch tries.
     let awake_m = way_m(&mut rig, |rig| rig.run_for(2.0));
-    let sequence = if number % 2 == 0 { 1 } else { 100 };
+    let sequence = if number.is_multiple_of(2) { 1 } else { 100 };
     let old_epoch_m = way_m(&mut rig, |rig| {
         // Whether it is answered or not: nothing may move.
         if rig.restart(&scene, 1, sequence).is_ok() {

@@ -98,14 +98,22 @@ impl Attack {
         let apart_m = 2.0 * RADIUS_M + START_GAP_M;
         for round in 0..400 {
             if !push_apart(&mut places, apart_m, reach, round) {
-                let turned = |(robot, [x, y]): (usize, &[f64; 2])| [*x, *y, 6.28 * (self.of_robot(robot, 2) - 0.5)];
+                let turned = |(robot, [x, y]): (usize, &[f64; 2])| {
+                    [*x, *y, std::f64::consts::TAU * (self.of_robot(robot, 2) - 0.5)]
+                };
                 return places.iter().enumerate().map(turned).collect();
             }
         }
         // As dense as that: four columns of three.
         let cell = |robot: usize| [-1.5 + (robot % 4) as f64, -1.0 + (robot / 4) as f64];
         (0..count)
-            .map(|robot| [cell(robot)[0], cell(robot)[1], 6.28 * (self.of_robot(robot, 2) - 0.5)])
+            .map(|robot| {
+                [
+                    cell(robot)[0],
+                    cell(robot)[1],
+                    std::f64::consts::TAU * (self.of_robot(robot, 2) - 0.5),
+                ]
+            })
             .collect()
     }
 

@@ -101,7 +101,7 @@ fn lie(rig: &mut Rig, kind: usize, victim: usize, random: &mut Noise) -> [bool; 
         1 => lies.dark = true,
         2 => lies.frozen = true,
         3 => {
-            let (angle, far_m) = (6.28 * random.uniform(), 0.3 + 0.7 * random.uniform());
+            let (angle, far_m) = (std::f64::consts::TAU * random.uniform(), 0.3 + 0.7 * random.uniform());
             lies.jump = Some((number, [far_m * angle.cos(), far_m * angle.sin()]));
         }
         _ => {

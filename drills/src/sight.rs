@@ -78,7 +78,7 @@ fn ways(random: &mut Noise) -> Vec<Way> {
             middle_m: [-1.6 + 0.6 * (place % 3) as f64, -1.05 + 0.7 * (place / 3) as f64],
             reach_m: 0.11,
             rate_rad_per_s: [between(2.0, 5.0), between(2.0, 5.0)],
-            phase_rad: [between(0.0, 6.28), between(0.0, 6.28)],
+            phase_rad: [between(0.0, std::f64::consts::TAU), between(0.0, std::f64::consts::TAU)],
             yaw_rad: between(-3.1, 3.1),
             yaw_rate_rad_per_s: between(-2.0, 2.0),
         })

@@ -73,7 +73,7 @@ impl World {
         // Even worlds have a link that is slow one way, 12 and 2 ms; the others a quick one.
         let [up_us, down_us] = [[12_000, 2000], [2000, 12_000], [2000, 2000]][(number % 3) as usize];
         Ok(Self {
-            drift_ppm: if number % 2 == 0 { 100.0 } else { -100.0 },
+            drift_ppm: if number.is_multiple_of(2) { 100.0 } else { -100.0 },
             offset_us: (random.uniform() * 3.6e9) as i64,
             random,
             firmware: Firmware::new(settings),
