@@ -1,7 +1,6 @@
 //! `robopheus-camera` as a program: calibration from pictures, poses from a recorded stream, words for what cannot be.
 
 #[path = "../../localise/tests/support/mod.rs"]
-#[allow(dead_code, reason = "the renderer has more than this test needs")]
 mod support;
 
 use lab::camera::pgm::Picture;
