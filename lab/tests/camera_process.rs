@@ -170,7 +170,7 @@ fn pictures_of_a_board_give_the_camera_and_bad_ones_a_reason_and_no_file() {
         (&no_board, &files[..], "robopheus.board/1"),
         (&board_file, &files[..2], "views"),
         (&board_file, &mixed[..], "views[1]"),
-        (&board_file, &flat[..], ""),
+        (&board_file, &flat[..], "span of the picture"),
         (&files[0], &files[..], "not a board"),
     ] {
         let output = calibrate(board, pictures, &out);

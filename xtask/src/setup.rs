@@ -3,7 +3,10 @@
 mod apt;
 mod browser;
 mod postgres;
+mod python;
 mod wasm_target;
+
+use std::path::PathBuf;
 
 use anyhow::Result;
 
@@ -28,6 +31,7 @@ pub struct Needs {
     pub wasm: bool,
     pub postgres: bool,
     pub browser: bool,
+    pub python: bool,
 }
 
 /// What was found.
@@ -36,6 +40,7 @@ pub struct Found {
     pub wasm: Option<WasmToolchain>,
     pub postgres: Option<PostgresBinaries>,
     pub browser: Option<Browser>,
+    pub python: Option<PathBuf>,
 }
 
 /// Looks for everything needed, installs what is missing when that is possible, lists the rest.
@@ -68,6 +73,7 @@ fn look(needs: Needs) -> (Found, Vec<Missing>) {
     let mut missing = Vec::new();
     keep(needs.postgres, postgres::find, &mut found.postgres, &mut missing);
     keep(needs.browser, browser::find, &mut found.browser, &mut missing);
+    keep(needs.python, python::find, &mut found.python, &mut missing);
     // Last, because it may try the network for a few seconds.
     keep(needs.wasm, wasm_target::find, &mut found.wasm, &mut missing);
     (found, missing)

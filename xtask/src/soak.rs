@@ -33,6 +33,7 @@ pub fn soak(arguments: &SoakArguments) -> Result<End> {
         wasm: true,
         postgres: true,
         browser: false,
+        python: true,
     })?
     else {
         return Ok(End::Missing);

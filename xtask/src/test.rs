@@ -30,6 +30,7 @@ pub fn test(arguments: &TestArguments) -> Result<End> {
         wasm: true,
         postgres: true,
         browser: true,
+        python: true,
     })?
     else {
         return Ok(End::Missing);
@@ -64,6 +65,7 @@ pub fn smoke() -> Result<End> {
         wasm: true,
         postgres: true,
         browser: false,
+        python: false,
     })?
     else {
         return Ok(End::Missing);

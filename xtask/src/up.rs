@@ -69,6 +69,7 @@ pub fn up(arguments: &UpArguments) -> Result<End> {
         wasm: !arguments.skip_build,
         postgres: own_database.is_none(),
         browser: false,
+        python: false,
     };
     let Some(found) = set_up(needs)? else {
         return Ok(End::Missing);

@@ -30,6 +30,7 @@ pub fn bench(arguments: &LabArguments) -> Result<End> {
         wasm: false,
         postgres: true,
         browser: false,
+        python: false,
     };
     if set_up(needs)?.is_none() {
         return Ok(End::Missing);
