@@ -31,6 +31,31 @@ pub struct ClaimRequest {
     pub instance: Uuid,
     /// How long the service may hold the request, at most 30.
     pub wait_s: f64,
+    /// Which runs are asked for.
+    #[serde(default)]
+    pub side: Side,
+}
+
+/// What carries runs out.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub enum Side {
+    /// Robots, for the modes `physical` and `interactive`.
+    #[default]
+    Physical,
+    /// The twin, for the mode `virtual`.
+    Virtual,
+}
+
+impl Side {
+    /// Name in the database and on the wire.
+    pub const fn as_str(self) -> &'static str {
+        match self {
+            Self::Physical => "physical",
+            Self::Virtual => "virtual",
+        }
+    }
 }
 
 /// Answer to a claim; `204 No Content` when nothing is to do.

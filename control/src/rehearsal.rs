@@ -1,6 +1,7 @@
 //! Rehearsal of an experiment: the team drives the twin, and what happens becomes a verdict and a replay.
 
 use serde::Serialize;
+use twin::free::RobotState;
 use twin::pose::Pose;
 use twin::twist::BodyTwist;
 use twin::world::{Obstacle, ObstacleContact, World};
@@ -151,6 +152,28 @@ impl Rehearsal {
     /// The duration is over, the team is done or stuck, or the numbers are no longer finite.
     pub fn is_finished(&self) -> bool {
         self.broken || self.stuck || self.world.tick() >= self.ticks || self.team.is_done()
+    }
+
+    /// The numbers are no longer finite.
+    pub fn is_broken(&self) -> bool {
+        self.broken
+    }
+
+    /// A deadlock was given up.
+    pub fn is_stuck(&self) -> bool {
+        self.stuck
+    }
+
+    /// What can be seen of a robot now.
+    ///
+    /// - `robot`: its place in the experiment; panics beyond the last.
+    pub fn state(&self, robot: usize) -> RobotState {
+        self.world.state(robot)
+    }
+
+    /// What the team ordered in the last tick, in the order of the experiment; empty before the first.
+    pub fn outputs(&self) -> &[TeamOutput] {
+        &self.outputs
     }
 
     /// Control ticks so far and at most.

@@ -7,7 +7,7 @@ use crate::rack;
 use crate::run;
 use crate::salvage;
 use crate::service::ServiceError;
-use api::lab::{Assignment, ClaimRequest};
+use api::lab::{Assignment, ClaimRequest, Side};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
@@ -24,11 +24,11 @@ const STATUS_PERIOD: Duration = Duration::from_secs(1);
 pub async fn keep_claiming(lab: Arc<Lab>) {
     let mut backoff = Backoff::default();
     let mut latch = lab.latch.subscribe();
-    while !lab.shutdown.is_requested() {
+    while !lab.desk.shutdown.is_requested() {
         let pressed = lab.latch.is_pressed();
         let next = tokio::select! {
             biased;
-            () = lab.shutdown.requested() => return,
+            () = lab.desk.shutdown.requested() => return,
             // While stopped nothing is claimed; a press during a claim abandons it, and its lease runs out unused.
             _ = latch.wait_for(|now_pressed| *now_pressed != pressed) => continue,
             next = next_run(&lab), if !pressed => next,
@@ -45,7 +45,7 @@ pub async fn keep_claiming(lab: Arc<Lab>) {
                 let wait = backoff.next_wait();
                 tracing::warn!(%error, cause = ?std::error::Error::source(&error).map(ToString::to_string), ?wait, "no claim");
                 tokio::select! {
-                    () = lab.shutdown.requested() => return,
+                    () = lab.desk.shutdown.requested() => return,
                     () = tokio::time::sleep(wait) => {}
                 }
             }
@@ -69,22 +69,23 @@ fn is_fit(lab: &Lab, assignment: &Assignment) -> bool {
 
 async fn next_run(lab: &Lab) -> Result<Option<Assignment>, ServiceError> {
     if !lab.registered.load(Ordering::Relaxed) {
-        lab.service.register(&lab.description).await?;
+        lab.desk.service.register(&lab.description).await?;
         lab.registered.store(true, Ordering::Relaxed);
         tracing::info!(lab = lab.description.name, "registered");
     }
-    salvage::sweep(lab).await?;
+    salvage::sweep(&lab.desk).await?;
     rack::clear_floor(lab).await;
     // The service must not hand out a run for a robot whose trouble it has not heard of yet.
-    lab.service.status(&lab.status()).await?;
+    lab.desk.service.status(&lab.status()).await?;
     let request = ClaimRequest {
         lab: lab.description.name.clone(),
         arena: lab.description.arena.name.clone(),
-        instance: lab.instance,
+        instance: lab.desk.instance,
         wait_s: WAIT_S,
+        side: Side::Physical,
     };
     let asked = Instant::now();
-    let assignment = lab.service.claim(&request).await?;
+    let assignment = lab.desk.service.claim(&request).await?;
     if assignment.is_none() && asked.elapsed() < SHORT_POLL {
         tokio::time::sleep(SHORT_POLL).await;
     }
@@ -97,12 +98,12 @@ pub async fn keep_status(lab: Arc<Lab>) {
     ticks.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
     loop {
         ticks.tick().await;
-        match lab.service.status(&lab.status()).await {
+        match lab.desk.service.status(&lab.status()).await {
             Ok(()) => {}
             Err(ServiceError::Refused { status, .. }) if status == reqwest::StatusCode::NOT_FOUND => {
                 // The service lost this laboratory, for example with a new database.
                 if lab.registered.swap(false, Ordering::Relaxed)
-                    && let Err(error) = lab.service.register(&lab.description).await
+                    && let Err(error) = lab.desk.service.register(&lab.description).await
                 {
                     tracing::warn!(%error, "registering again");
                 }

@@ -3,8 +3,8 @@
 use crate::archive::{self, Manifest, manifest};
 use crate::backoff::Backoff;
 use crate::clock::monotonic_us;
+use crate::desk::Desk;
 use crate::durable;
-use crate::lab::Lab;
 use crate::lease::Lease;
 use crate::run::Conclusion;
 use crate::safety::LEASE_MARGIN_US;
@@ -32,28 +32,28 @@ pub struct Attempt {
 }
 
 /// Archive, upload, end. Errors leave the folder for the salvage.
-pub async fn deliver(lab: &Lab, attempt: &Attempt, conclusion: &Conclusion, lease: &Lease) {
-    if let Err(error) = try_deliver(lab, attempt, conclusion, lease).await {
+pub async fn deliver(desk: &Desk, attempt: &Attempt, conclusion: &Conclusion, lease: &Lease) {
+    if let Err(error) = try_deliver(desk, attempt, conclusion, lease).await {
         tracing::warn!(run.id = %attempt.run_id, error = format!("{error:#}"), "not handed in; the salvage will try again");
     }
 }
 
-async fn try_deliver(lab: &Lab, attempt: &Attempt, conclusion: &Conclusion, lease: &Lease) -> Result<()> {
-    let give_up = give_up(lab, lease);
+async fn try_deliver(desk: &Desk, attempt: &Attempt, conclusion: &Conclusion, lease: &Lease) -> Result<()> {
+    let give_up = give_up(desk, lease);
     let uploading = StateReport {
         epoch: attempt.epoch,
-        instance: lab.instance,
+        instance: desk.instance,
         state: RunState::Uploading,
         fault: None,
         ticks_recorded: None,
         ticks_missed: None,
     };
-    report(lab, attempt.run_id, &uploading, &give_up)
+    report(desk, attempt.run_id, &uploading, &give_up)
         .await
         .context("report `uploading`")?;
     let manifest = build_archive(&attempt.folder).await?;
-    upload_all(lab, attempt, &manifest, &give_up).await?;
-    let sent = report_end(lab, attempt.run_id, attempt.epoch, conclusion, Some(&manifest), lease).await;
+    upload_all(desk, attempt, &manifest, &give_up).await?;
+    let sent = report_end(desk, attempt.run_id, attempt.epoch, conclusion, Some(&manifest), lease).await;
     if sent {
         mark_delivered(&attempt.folder, conclusion.state.as_str()).context("mark the folder")?;
     }
@@ -69,7 +69,7 @@ pub async fn build_archive(folder: &Path) -> Result<Manifest> {
 }
 
 /// Sends all files, the page's track among them, the manifest last.
-pub async fn upload_all(lab: &Lab, attempt: &Attempt, manifest: &Manifest, give_up: impl Fn() -> bool) -> Result<()> {
+pub async fn upload_all(desk: &Desk, attempt: &Attempt, manifest: &Manifest, give_up: impl Fn() -> bool) -> Result<()> {
     let folder = attempt.folder.join("archive");
     let own = folder.clone();
     let describe = move || [archive::track::FILE_NAME, manifest::FILE_NAME].map(|name| manifest::describe(&own, name));
@@ -83,7 +83,7 @@ pub async fn upload_all(lab: &Lab, attempt: &Attempt, manifest: &Manifest, give_
             path: &path,
             sha256: &file.sha256,
         };
-        retry(|| lab.service.upload(upload), &give_up)
+        retry(|| desk.service.upload(upload), &give_up)
             .await
             .with_context(|| format!("send {}", file.name))?;
     }
@@ -92,7 +92,7 @@ pub async fn upload_all(lab: &Lab, attempt: &Attempt, manifest: &Manifest, give_
 
 /// Reports the end of a run; false when it did not get through.
 pub async fn report_end(
-    lab: &Lab,
+    desk: &Desk,
     run_id: Uuid,
     epoch: i64,
     conclusion: &Conclusion,
@@ -101,13 +101,13 @@ pub async fn report_end(
 ) -> bool {
     let end = StateReport {
         epoch,
-        instance: lab.instance,
+        instance: desk.instance,
         state: conclusion.state,
         fault: conclusion.fault.clone(),
         ticks_recorded: manifest.map(|manifest| manifest.ticks_recorded),
         ticks_missed: manifest.map(|manifest| manifest.ticks_missed),
     };
-    match report(lab, run_id, &end, give_up(lab, lease)).await {
+    match report(desk, run_id, &end, give_up(desk, lease)).await {
         Ok(()) => true,
         Err(error) => {
             tracing::warn!(run.id = %run_id, %error, "the end of the run was not reported");
@@ -118,12 +118,12 @@ pub async fn report_end(
 
 /// Reports a state, again and again while the service is away and `give_up` says no.
 pub async fn report(
-    lab: &Lab,
+    desk: &Desk,
     run_id: Uuid,
     report: &StateReport,
     give_up: impl Fn() -> bool,
 ) -> Result<(), ServiceError> {
-    retry(|| lab.service.report(run_id, report), give_up).await
+    retry(|| desk.service.report(run_id, report), give_up).await
 }
 
 /// Marks a folder as done with.
@@ -132,11 +132,11 @@ pub fn mark_delivered(folder: &Path, how: &str) -> std::io::Result<()> {
 }
 
 /// True when handing in under this lease makes no sense any more.
-fn give_up<'a>(lab: &'a Lab, lease: &'a Lease) -> impl Fn() -> bool + 'a {
+fn give_up<'a>(desk: &'a Desk, lease: &'a Lease) -> impl Fn() -> bool + 'a {
     let asked_to_end = std::sync::OnceLock::new();
     move || {
         let grace_over =
-            lab.shutdown.is_requested() && asked_to_end.get_or_init(Instant::now).elapsed() > SHUTDOWN_GRACE;
+            desk.shutdown.is_requested() && asked_to_end.get_or_init(Instant::now).elapsed() > SHUTDOWN_GRACE;
         lease.is_stale() || grace_over || monotonic_us() > lease.until_us() + LEASE_MARGIN_US
     }
 }

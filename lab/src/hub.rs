@@ -12,8 +12,10 @@ use std::path::Path;
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// File with the real address, for port 0.
+/// File in the data folder with the real address of the laboratory's hub.
 pub const ADDRESS_FILE: &str = "lab-hub.addr";
+/// The same of the simulation server's own hub.
+pub const VIRTUAL_ADDRESS_FILE: &str = "simulate-hub.addr";
 /// Lines that wait for one subscriber: about half a second of fifty robots.
 const WAITING_LINES: usize = 8192;
 const SUBSCRIBERS_MAX: usize = 16;
@@ -45,8 +47,8 @@ struct Subscriber {
 impl Hub {
     /// Listens in the background until the process ends.
     ///
-    /// - `listen`: an address of this machine; port 0 takes any, the real one stands in `<data>/lab-hub.addr`.
-    pub fn start(listen: SocketAddr, data: &Path) -> io::Result<Arc<Self>> {
+    /// - `listen`: an address of this machine; port 0 takes any, the real one stands in `address_file`.
+    pub fn start(listen: SocketAddr, address_file: &Path) -> io::Result<Arc<Self>> {
         if !listen.ip().is_loopback() {
             return Err(io::Error::new(
                 io::ErrorKind::InvalidInput,
@@ -56,7 +58,7 @@ impl Hub {
             ));
         }
         let listener = TcpListener::bind(listen)?;
-        durable::write(&data.join(ADDRESS_FILE), listener.local_addr()?.to_string().as_bytes())?;
+        durable::write(address_file, listener.local_addr()?.to_string().as_bytes())?;
         let hub = Arc::new(Self::default());
         let accepting = hub.clone();
         std::thread::Builder::new().name("hub".to_owned()).spawn(move || {
@@ -209,7 +211,7 @@ mod tests {
     fn hub(name: &str) -> (Arc<Hub>, SocketAddr) {
         let data = std::env::temp_dir().join(format!("robopheus-hub-{name}-{}", std::process::id()));
         std::fs::create_dir_all(&data).expect("a folder");
-        let hub = Hub::start("127.0.0.1:0".parse().expect("an address"), &data).expect("a hub");
+        let hub = Hub::start("127.0.0.1:0".parse().expect("an address"), &data.join(ADDRESS_FILE)).expect("a hub");
         let address = std::fs::read_to_string(data.join(ADDRESS_FILE)).expect("the address");
         std::fs::remove_dir_all(&data).expect("removed");
         (hub, address.parse().expect("an address"))
@@ -268,6 +270,7 @@ mod tests {
                 x_m: 0.0,
                 y_m: 0.0,
                 yaw_rad: 0.0,
+                gap_m: None,
             }],
         });
         good.write_all(&line_of(&shadow).expect("a line")).expect("sent");

@@ -1,56 +1,42 @@
 //! What all parts of the laboratory process share.
 
 use crate::config::Config;
+use crate::desk::{Desk, DeskPlaces};
 use crate::epochs::EpochBook;
-use crate::hub::Hub;
+use crate::hub;
 use crate::link::{Link, RobotLink};
 use crate::link_statistics::LinkStatistics;
 use crate::localisation::{Localisation, Source};
-use crate::service::Service;
 use crate::stop_latch::StopLatch;
 use crate::stop_port::{StateSource, StopState};
 use anyhow::{Context, Result, bail};
 use api::health::{LinkQuality, RobotHealth};
 use api::lab::{LabDescription, LabStatus, RobotStatus};
-use api::live::LiveFrame;
 use robot::key::Key;
 use robot::medium::MediumProfile;
 use std::collections::BTreeMap;
-use std::fs::{File, TryLockError};
 use std::net::ToSocketAddrs;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, PoisonError};
-use tokio::sync::{broadcast, watch};
 use uuid::Uuid;
-
-/// Live frames kept for a slow connection before the oldest are dropped: 1.6 s.
-const LIVE_FRAMES: usize = 32;
 
 /// One laboratory process.
 #[derive(Debug)]
 pub struct Lab {
     pub description: LabDescription,
-    pub service: Service,
-    /// New with every process: leases belong to it.
-    pub instance: Uuid,
+    /// `<data>/lab`: runs, epochs, stop mark.
+    pub desk: Desk,
     pub latch: Arc<StopLatch>,
     pub link: Arc<Link>,
     /// What carries the frames.
     pub medium: &'static MediumProfile,
     pub localisation: Arc<Localisation>,
     pub hand: PathBuf,
-    /// `<data>/lab`: runs, epochs, stop mark.
-    pub folder: PathBuf,
     pub book: Arc<Mutex<EpochBook>>,
-    pub watchers: broadcast::Sender<LiveFrame>,
-    pub hub: Arc<Hub>,
-    pub shutdown: Shutdown,
     /// The service knows this laboratory.
     pub registered: AtomicBool,
     activity: Mutex<Option<Activity>>,
-    /// Held for as long as the process lives: two processes must not share robots and journals.
-    _lock: File,
 }
 
 /// What is going on in the arena.
@@ -60,54 +46,21 @@ pub struct Activity {
     pub phase: &'static str,
 }
 
-/// The wish to end the process.
-#[derive(Debug, Clone)]
-pub struct Shutdown {
-    requested: Arc<AtomicBool>,
-    changed: watch::Sender<bool>,
-}
-
-impl Default for Shutdown {
-    fn default() -> Self {
-        Self {
-            requested: Arc::default(),
-            changed: watch::Sender::new(false),
-        }
-    }
-}
-
-impl Shutdown {
-    /// Asks everything to end.
-    pub fn request(&self) {
-        self.requested.store(true, Ordering::Release);
-        self.changed.send_replace(true);
-    }
-
-    /// For the control loop.
-    pub fn is_requested(&self) -> bool {
-        self.requested.load(Ordering::Acquire)
-    }
-
-    /// Returns once the end is wished for.
-    pub async fn requested(&self) {
-        let mut changed = self.changed.subscribe();
-        // The sender lives in self: waiting cannot fail.
-        let _requested = changed.wait_for(|requested| *requested).await;
-    }
-}
-
 impl Lab {
     /// Reads files, takes the folder, binds the link and starts the threads that listen.
     pub fn open(config: &Config) -> Result<Arc<Self>> {
         let folder = config.data.join("lab");
-        std::fs::create_dir_all(&folder).with_context(|| format!("create {}", folder.display()))?;
-        let lock = lock(&folder)?;
+        let desk = Desk::open(&DeskPlaces {
+            folder: &folder,
+            server: &config.server,
+            token_file: &config.token_file,
+            hub_listen: config.hub_listen,
+            hub_address_file: &config.data.join(hub::ADDRESS_FILE),
+        })?;
         let description: LabDescription = read_json(&config.lab)?;
         if description.format != "robopheus.lab/1" {
             bail!("{} is not robopheus.lab/1", config.lab.display());
         }
-        let token = std::fs::read_to_string(&config.token_file)
-            .with_context(|| format!("read the token {}", config.token_file.display()))?;
         let mut book = EpochBook::open(&folder.join("epochs.json")).context("read the epochs of the robots")?;
         let host = (config.robot_host.as_str(), config.robot_udp_base);
         let base = host
@@ -124,22 +77,16 @@ impl Lab {
             (Some(_), false) => bail!("two localisations: give --camera or --tracker, not both"),
         };
         Ok(Arc::new(Self {
-            service: Service::new(&config.server, &token)?,
-            instance: Uuid::now_v7(),
             latch: Arc::new(StopLatch::open(&folder)),
             link,
             medium: MediumProfile::of(config.medium),
             localisation: Localisation::start(source).context("start the localisation")?,
             hand: config.hand.clone(),
             book: Arc::new(Mutex::new(book)),
-            watchers: broadcast::Sender::new(LIVE_FRAMES),
-            hub: Hub::start(config.hub_listen, &config.data).context("start the hub")?,
-            shutdown: Shutdown::default(),
             registered: AtomicBool::new(false),
             activity: Mutex::default(),
             description,
-            folder,
-            _lock: lock,
+            desk,
         }))
     }
 
@@ -208,15 +155,6 @@ fn link_quality(statistics: &LinkStatistics) -> LinkQuality {
         delay_p50_ms: statistics.delay_p50_ms,
         delay_p95_ms: statistics.delay_p95_ms,
         jitter_ms: statistics.jitter_ms,
-    }
-}
-
-fn lock(folder: &Path) -> Result<File> {
-    let file = File::create(folder.join("lock")).context("open the lock file")?;
-    match file.try_lock() {
-        Ok(()) => Ok(file),
-        Err(TryLockError::WouldBlock) => bail!("another laboratory process uses {}", folder.display()),
-        Err(TryLockError::Error(error)) => Err(error).context("lock the folder"),
     }
 }
 

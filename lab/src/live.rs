@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use uuid::Uuid;
 
 /// One frame for this many ticks: 20 Hz.
-const TICKS_PER_FRAME: i64 = 6;
+pub(crate) const TICKS_PER_FRAME: i64 = 6;
 
 /// Virtual poses older than this are not shown.
 const SHADOW_OLD_TICKS: i64 = 30;

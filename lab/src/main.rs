@@ -38,7 +38,7 @@ async fn live(lab: std::sync::Arc<Lab>) -> Result<()> {
     let mut terminate = signal(SignalKind::terminate())?;
     let mut interrupt = signal(SignalKind::interrupt())?;
     tokio::spawn(claim::keep_status(lab.clone()));
-    tokio::spawn(stream::keep(lab.service.clone(), lab.watchers.subscribe()));
+    tokio::spawn(stream::keep(lab.desk.service.clone(), lab.desk.watchers.subscribe()));
     let mut claiming = tokio::spawn(claim::keep_claiming(lab.clone()));
     tokio::select! {
         _ = terminate.recv() => {}
@@ -46,7 +46,7 @@ async fn live(lab: std::sync::Arc<Lab>) -> Result<()> {
         ended = &mut claiming => return ended.context("the claim loop failed"),
     }
     tracing::info!("ending");
-    lab.shutdown.request();
+    lab.desk.shutdown.request();
     match tokio::time::timeout(EXIT_LIMIT, claiming).await {
         Ok(ended) => ended.context("the claim loop failed"),
         Err(_) => {

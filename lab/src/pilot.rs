@@ -87,6 +87,7 @@ pub struct Pilot {
     team: Team,
     /// In the order of the experiment.
     robots: Vec<PilotRobot>,
+    numbers: Vec<u8>,
     duration_ticks: i64,
     /// Added to the number of a tick in the records.
     first_tick: i64,
@@ -109,6 +110,7 @@ impl Pilot {
         Self {
             newest_exposure_us: poses.map(|pose| pose.exposure_us).max().unwrap_or(start_us),
             team,
+            numbers: robots.iter().map(|robot| robot.number).collect(),
             robots,
             duration_ticks,
             first_tick: 0,
@@ -300,7 +302,7 @@ impl Pilot {
         // After the frames: nothing here is as urgent as they are.
         for (robot, output) in self.robots.iter().zip(outputs) {
             if let Some(intervention) = &output.intervention {
-                let (kind, cause, other) = explain(&intervention.cause, &self.robots);
+                let (kind, cause, other) = explain(&intervention.cause, &self.numbers);
                 sink.push(Record::Intervention(Intervention {
                     tick: self.first_tick + slot,
                     at_us: now_us,
@@ -406,7 +408,7 @@ fn warning(at_us: i64, message: String) -> Record {
 }
 
 /// Forward m/s, left m/s, yaw rate rad/s.
-const fn parts(twist: BodyTwist) -> [f64; 3] {
+pub(crate) const fn parts(twist: BodyTwist) -> [f64; 3] {
     [twist.forward_m_per_s, twist.left_m_per_s, twist.yaw_rate_rad_per_s]
 }
 
@@ -434,11 +436,13 @@ fn command_record(robot: u8, tick: i64, sent: &Sent, output: Option<&TeamOutput>
 }
 
 /// Kind, cause and the other robot of an intervention.
-fn explain(cause: &Cause, robots: &[PilotRobot]) -> (SafetyKind, &'static str, Option<u8>) {
+///
+/// - `numbers`: of the robots, in the order of the experiment.
+pub(crate) fn explain(cause: &Cause, numbers: &[u8]) -> (SafetyKind, &'static str, Option<u8>) {
     use control::safety::WallSide;
     match cause {
         Cause::Robot { other } => {
-            let other = robots.get(*other as usize).map(|robot| robot.number);
+            let other = numbers.get(*other as usize).copied();
             (SafetyKind::Robot, "robot", other)
         }
         Cause::Wall { side: WallSide::Left } => (SafetyKind::Wall, "wall_left", None),

@@ -171,6 +171,9 @@ pub struct ShadowPose {
     pub x_m: f64,
     pub y_m: f64,
     pub yaw_rad: f64,
+    /// How far the last believed pose was from what the twin expected there 0.5 s before; when it follows its robot.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gap_m: Option<f64>,
 }
 
 /// The safety filter changed a command.

@@ -1,31 +1,26 @@
 //! One run from its claim to its end.
 
+use crate::carry_out::{self, carry_out, refused, report_running, scenario};
 use crate::clock::monotonic_us;
-use crate::deliver;
 use crate::estimator::{PoseSample, PoseTrack};
 use crate::lab::{Activity, Lab};
 use crate::ladder;
-use crate::lease::{Heart, Lease};
+use crate::lease::Lease;
 use crate::link::HeldPort;
-use crate::live::LivePicture;
 use crate::loop_120hz::{self, LoopEnd, LoopResult, Setup};
 use crate::medium;
 use crate::pilot::PilotRobot;
 use crate::prepare::{self, Keeper};
-use crate::record::{End, LogLevel, Record, Start};
-use crate::recorder::{Recorder, RecorderHandle};
+use crate::record::LogLevel;
+use crate::recorder::RecorderHandle;
 use crate::robot_limits::RobotLimits;
 use crate::safety::{Ending, Signals};
 use crate::schedule::TICK_HZ;
 use crate::sleep_probe::SleepProbe;
-use api::lab::{Assignment, Heartbeat, StateReport};
+use api::lab::Assignment;
 use api::run::{Fault, RunState, Whose};
-use chrono::Utc;
-use control::scenario::{FieldProblem, Scenario};
 use control::team::Team;
-use std::path::{Path, PathBuf};
 use std::sync::{Arc, PoisonError};
-use tokio::task::spawn_blocking;
 
 /// How a run ended.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -56,91 +51,18 @@ impl Conclusion {
 
 /// An end from outside while robots stand still: stop, shutdown, lease, cancel.
 pub fn outside_ending(lab: &Lab, lease: &Lease) -> Option<Conclusion> {
-    let ending = if lab.latch.is_pressed() {
-        Ending::ProtectiveStop
-    } else if lab.shutdown.is_requested() {
-        Ending::LabStopped
-    } else if lease.is_stale() {
-        Ending::StaleEpoch
-    } else if monotonic_us() >= lease.until_us() {
-        Ending::LeaseLost
-    } else if lease.is_cancelled() {
-        Ending::Cancelled
-    } else {
-        return None;
-    };
+    let pressed = lab.latch.is_pressed().then_some(Ending::ProtectiveStop);
+    let ending = pressed.or_else(|| carry_out::outside_ending(&lab.desk, lease))?;
     Some(Conclusion::of(ending, &[]))
 }
 
-/// Folder of an attempt.
-pub fn folder_of(lab: &Lab, assignment: &Assignment) -> PathBuf {
-    lab.folder.join(format!("{}-{}", assignment.run_id, assignment.epoch))
-}
-
-/// Carries a run out and hands its files in. What cannot be handed in now is salvaged later.
+/// Carries a run out on the robots.
 pub async fn run(lab: &Arc<Lab>, assignment: Assignment) {
-    let (run_id, epoch) = (assignment.run_id, assignment.epoch);
-    tracing::info!(run.id = %run_id, epoch, "run begins");
-    lab.set_activity(Some(Activity {
-        run_id,
-        phase: "preparing",
-    }));
-    let lease = Arc::new(Lease::claimed(assignment.lease_s));
-    let beat = Heartbeat {
-        epoch,
-        instance: lab.instance,
-    };
-    let _heart = Heart::start(lab.service.clone(), run_id, beat, lease.clone());
-    let folder = folder_of(lab, &assignment);
-    match start_recorder(lab, &assignment, &folder) {
-        Ok(recorder) => {
-            let conclusion = attempt(lab, &assignment, &lease, &recorder.handle()).await;
-            tracing::info!(run.id = %run_id, state = conclusion.state.as_str(), fault = ?conclusion.fault, "run ended");
-            let end = End {
-                at_us: monotonic_us(),
-                state: conclusion.state,
-                fault: conclusion.fault.clone(),
-                records_dropped: 0,
-            };
-            if let Ok(Err(error)) = spawn_blocking(move || recorder.finish(end)).await {
-                tracing::error!(run.id = %run_id, %error, "the record is incomplete");
-            }
-            lab.set_activity(Some(Activity {
-                run_id,
-                phase: "uploading",
-            }));
-            deliver::deliver(lab, &deliver::Attempt { run_id, epoch, folder }, &conclusion, &lease).await;
-        }
-        Err(error) => {
-            let message = format!("The laboratory cannot write its record: {error}.");
-            let conclusion = Conclusion::failed(Whose::Platform, "recorder_failed", message);
-            deliver::report_end(lab, run_id, epoch, &conclusion, None, &lease).await;
-        }
-    }
+    let run_id = assignment.run_id;
+    let tell = |phase| lab.set_activity(Some(Activity { run_id, phase }));
+    let drive = async |lease: &Arc<Lease>, recorder: &RecorderHandle| attempt(lab, &assignment, lease, recorder).await;
+    carry_out(&lab.desk, &assignment, tell, drive).await;
     lab.set_activity(None);
-}
-
-fn start_recorder(lab: &Lab, assignment: &Assignment, folder: &Path) -> std::io::Result<Recorder> {
-    std::fs::create_dir(folder)?;
-    crate::durable::sync_parent(folder)?;
-    let robots: Vec<_> = assignment
-        .robots
-        .iter()
-        .map(|robot| (robot.number, robot.description.name.clone()))
-        .collect();
-    let start = Start {
-        assignment: assignment.clone(),
-        wall: Utc::now(),
-        at_us: monotonic_us(),
-    };
-    let live = LivePicture::new(assignment.run_id, assignment.epoch, &robots);
-    Recorder::start(
-        folder,
-        Record::Start(Box::new(start)),
-        live,
-        lab.watchers.clone(),
-        lab.hub.clone(),
-    )
 }
 
 /// Everything that can move robots; returns when they are at rest.
@@ -163,7 +85,7 @@ async fn try_attempt(
     medium::check(lab.medium, ports.len(), TICK_HZ as f64, grouped)?;
     let ports = prepare::prepare(lab, assignment, lease, recorder, ports).await?;
     let keeper = keep(lab, ports)?;
-    let running = report_running(lab, assignment, lease).await;
+    let running = report_running(&lab.desk, assignment, || outside_ending(lab, lease)).await;
     // The keeper holds the robots still up to here; the loop takes over within milliseconds.
     let poses = lab.localisation.listen();
     let telemetry = lab.link.listen();
@@ -209,28 +131,6 @@ async fn try_attempt(
     Ok(Conclusion::of(ending, &names))
 }
 
-fn refused(problems: Vec<FieldProblem>) -> Conclusion {
-    let first = problems.into_iter().next();
-    let problem = first.map(|problem| format!("{}: {}", problem.field, problem.message));
-    Conclusion::failed(
-        Whose::Platform,
-        "experiment_refused",
-        format!(
-            "The laboratory cannot run this experiment: {}.",
-            problem.unwrap_or_default()
-        ),
-    )
-}
-
-fn scenario(assignment: &Assignment) -> Result<Scenario, Conclusion> {
-    let document = serde_json::json!({
-        "experiment": assignment.experiment,
-        "robots": assignment.robots,
-        "arena": assignment.arena,
-    });
-    Scenario::from_json(&document.to_string()).map_err(refused)
-}
-
 /// Motion limits of each robot.
 pub(crate) fn limits(assignment: &Assignment) -> Result<Vec<RobotLimits>, Conclusion> {
     let robots = control::team::robots(&scenario(assignment)?).map_err(refused)?;
@@ -270,31 +170,6 @@ fn take_ports(lab: &Lab, assignment: &Assignment) -> Result<Vec<HeldPort>, Concl
         port.begin_epoch(epoch);
     }
     Ok(ports)
-}
-
-/// The service must know that motion begins before it does.
-async fn report_running(lab: &Lab, assignment: &Assignment, lease: &Lease) -> Result<(), Conclusion> {
-    let report = StateReport {
-        epoch: assignment.epoch,
-        instance: lab.instance,
-        state: RunState::Running,
-        fault: None,
-        ticks_recorded: None,
-        ticks_missed: None,
-    };
-    match deliver::report(lab, assignment.run_id, &report, || outside_ending(lab, lease).is_some()).await {
-        Ok(()) => Ok(()),
-        Err(error) => Err(outside_ending(lab, lease).unwrap_or_else(|| {
-            if error.is_stale_epoch() {
-                return Conclusion::of(Ending::StaleEpoch, &[]);
-            }
-            Conclusion::failed(
-                Whose::Platform,
-                "start_refused",
-                format!("The service did not let the run begin: {error}."),
-            )
-        })),
-    }
 }
 
 pub(crate) fn pilot_robots(
@@ -341,7 +216,7 @@ pub(crate) fn signals(
     let robots: Vec<_> = numbers.filter_map(|number| lab.link.robot(number).cloned()).collect();
     Box::new(move || Signals {
         protective_stop: lab.latch.is_pressed(),
-        shutdown: lab.shutdown.is_requested(),
+        shutdown: lab.desk.shutdown.is_requested(),
         stale_epoch: lease.is_stale(),
         cancel: lease.is_cancelled(),
         lease_until_us: lease.until_us(),

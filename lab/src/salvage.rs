@@ -1,8 +1,8 @@
 //! What earlier processes left behind: runs that a crash cut off and files that could not be handed in.
 
 use crate::deliver::{self, Attempt, DELIVERED_MARK};
+use crate::desk::Desk;
 use crate::journal::{self, JournalReader};
-use crate::lab::Lab;
 use crate::record::{End, Record};
 use crate::service::ServiceError;
 use anyhow::Result;
@@ -108,9 +108,9 @@ fn run_folders(folder: &Path) -> Vec<PathBuf> {
 }
 
 /// Closes everything left behind. An error means: the service is away, try again later.
-pub async fn sweep(lab: &Lab) -> Result<(), ServiceError> {
-    for folder in leftovers(&lab.folder) {
-        if lab.shutdown.is_requested() {
+pub async fn sweep(desk: &Desk) -> Result<(), ServiceError> {
+    for folder in leftovers(&desk.folder) {
+        if desk.shutdown.is_requested() {
             return Ok(());
         }
         let own = folder.clone();
@@ -123,20 +123,20 @@ pub async fn sweep(lab: &Lab) -> Result<(), ServiceError> {
                 end: None,
                 ..
             }) => "never moved".to_owned(),
-            Some(leftover) => salvage(lab, &folder, &leftover).await?,
+            Some(leftover) => salvage(desk, &folder, &leftover).await?,
         };
         tracing::info!(folder = %folder.display(), how, "leftover closed");
         if let Err(error) = deliver::mark_delivered(&folder, &how) {
             tracing::error!(folder = %folder.display(), %error, "a leftover cannot be marked");
         }
     }
-    prune(&lab.folder);
+    prune(&desk.folder);
     Ok(())
 }
 
-async fn salvage(lab: &Lab, folder: &Path, leftover: &Leftover) -> Result<String, ServiceError> {
+async fn salvage(desk: &Desk, folder: &Path, leftover: &Leftover) -> Result<String, ServiceError> {
     let (run_id, epoch) = (leftover.attempt_run, leftover.epoch);
-    let run = match lab.service.salvage(run_id, &leftover.report()).await {
+    let run = match desk.service.salvage(run_id, &leftover.report()).await {
         Ok(run) => run,
         Err(error) if error.is_temporary() => return Err(error),
         Err(error) => return Ok(format!("refused: {error}")),
@@ -151,7 +151,7 @@ async fn salvage(lab: &Lab, folder: &Path, leftover: &Leftover) -> Result<String
     };
     let sent = async {
         let manifest = deliver::build_archive(folder).await?;
-        deliver::upload_all(lab, &attempt, &manifest, || true).await
+        deliver::upload_all(desk, &attempt, &manifest, || true).await
     };
     match sent.await {
         Ok(()) => Ok("salvaged".to_owned()),

@@ -1,7 +1,7 @@
 //! The scheduler on a real PostgreSQL: rehearsals, reaping, stopping, outages.
 
 use api::experiment::{DigestClaim, Experiment};
-use api::lab::{LabDescription, StateReport};
+use api::lab::{LabDescription, Side, StateReport};
 use api::run::{RunState, RunView, Whose};
 use scheduler::stop::{Stop, StopHandle, stop_pair};
 use scheduler::{Config, run};
@@ -310,6 +310,7 @@ async fn a_lost_laboratory_is_reaped_within_two_sweeps() {
         lab: "reference-lab".to_owned(),
         arena: "reference".to_owned(),
         instance: Uuid::now_v7(),
+        side: Side::Physical,
     };
     let lease = Duration::from_secs(2);
     let claimed = world.store.run_claim(&claim, lease).await.unwrap().unwrap();

@@ -153,8 +153,6 @@ fn rule_breakers() -> Vec<Bad> {
         changed("unknown floor", "floor", |e| e["floor"] = json!("ice")),
         changed("unknown law", "control.law", |e| e["control"]["law"] = json!("magic")),
         changed("unknown model", "model", |e| e["model"] = json!("v7")),
-        changed("virtual mode", "mode", |e| e["mode"] = json!("virtual")),
-        changed("interactive mode", "mode", |e| e["mode"] = json!("interactive")),
         changed("other format", "format", |e| {
             e["format"] = json!("robopheus.experiment/2")
         }),

@@ -5,7 +5,8 @@ use crate::connect::Store;
 use crate::error::{Result, StoreError};
 use crate::identity::user_id;
 use crate::outcome::{NewSubmission, Submitted};
-use api::experiment::{Experiment, ExperimentView};
+use api::experiment::{Experiment, ExperimentView, Mode};
+use api::lab::Side;
 use chrono::{DateTime, Utc};
 use sqlx::PgConnection;
 use uuid::Uuid;
@@ -191,6 +192,14 @@ async fn insert_experiment(
     Ok(())
 }
 
+/// What carries out an experiment of this mode.
+const fn side_of(mode: Mode) -> Side {
+    match mode {
+        Mode::Physical | Mode::Interactive => Side::Physical,
+        Mode::Virtual => Side::Virtual,
+    }
+}
+
 async fn insert_run(
     connection: &mut PgConnection,
     id: Uuid,
@@ -200,7 +209,7 @@ async fn insert_run(
 ) -> Result<()> {
     let robot_names: Vec<&str> = experiment.robots.iter().map(|robot| robot.name.as_str()).collect();
     sqlx::query(
-        "INSERT INTO runs (id, experiment_id, user_id, arena, robot_names, duration_s) VALUES ($1, $2, $3, $4, $5, $6)",
+        "INSERT INTO runs (id, experiment_id, user_id, arena, robot_names, duration_s, side) VALUES ($1, $2, $3, $4, $5, $6, $7)",
     )
     .bind(id)
     .bind(experiment_id)
@@ -208,6 +217,7 @@ async fn insert_run(
     .bind(&experiment.arena)
     .bind(robot_names)
     .bind(experiment.duration_s)
+    .bind(side_of(experiment.mode).as_str())
     .execute(connection)
     .await?;
     Ok(())

@@ -128,7 +128,7 @@ impl Store {
                 coalesce(s.online, false) AS online, s.bus_v, s.battery, s.rest_v, s.stalled, s.sensor_fault, s.bounded_estimate,
                 s.loss_share, s.delay_p50_ms, s.delay_p95_ms, s.jitter_ms,
                 robot_unfit_reason(s.battery, s.stalled, s.sensor_fault) AS unfit,
-                EXISTS (SELECT FROM leases l JOIN runs c ON c.id = l.run_id WHERE l.arena = r.arena AND r.name = ANY(c.robot_names)) AS leased
+                EXISTS (SELECT FROM leases l JOIN runs c ON c.id = l.run_id WHERE l.arena = r.arena AND l.side = 'physical' AND r.name = ANY(c.robot_names)) AS leased
              FROM robots r LEFT JOIN robot_status s ON s.arena = r.arena AND s.name = r.name ORDER BY r.arena, r.number",
         )
         .bind(SILENT_S)
@@ -143,7 +143,7 @@ impl Store {
             "SELECT a.name, a.width_m, a.height_m, a.floor, a.contents::text AS contents,
                 coalesce(s.seen_at > clock_timestamp() - make_interval(secs => $1), false) AS connected,
                 coalesce(s.stopped, false) AS stopped,
-                EXISTS (SELECT FROM leases l WHERE l.arena = a.name) AS leased,
+                EXISTS (SELECT FROM leases l WHERE l.arena = a.name AND l.side = 'physical') AS leased,
                 CASE WHEN a.held_until > clock_timestamp() THEN a.held_reason END AS held_reason
              FROM arenas a LEFT JOIN arena_status s ON s.arena = a.name ORDER BY a.name",
         )

@@ -36,14 +36,14 @@ impl Store {
     /// Leases the arena to the oldest queued run whose robots are there and fit to drive; `None` when nothing is to do.
     pub async fn run_claim(&self, claim: &Claim, lease: Duration) -> Result<Option<ClaimedRun>> {
         let lease_s = seconds("lease", lease)?;
-        if !self.claim_worthwhile(&claim.arena).await? {
+        if !self.claim_worthwhile(claim).await? {
             return Ok(None);
         }
         let mut transaction = self.pool.begin().await?;
         let Some(arena) = lock_free_arena(&mut transaction, claim).await? else {
             return Ok(None);
         };
-        let Some(taken) = take_next_run(&mut transaction, &claim.arena).await? else {
+        let Some(taken) = take_next_run(&mut transaction, claim).await? else {
             return Ok(None);
         };
         insert_lease(&mut transaction, claim, &taken, lease_s).await?;
@@ -79,12 +79,24 @@ impl Store {
         Ok(Some(claimed))
     }
 
+    /// The simulation server asks for runs of this arena: it is there.
+    pub async fn simulator_seen(&self, lab: &str, arena: &str) -> Result<()> {
+        sqlx::query("UPDATE arenas SET simulator_seen_at = clock_timestamp() WHERE name = $1 AND lab = $2")
+            .bind(arena)
+            .bind(lab)
+            .execute(&self.pool)
+            .await?;
+        Ok(())
+    }
+
     /// Cheap look before any row is locked; long polls ask often.
-    async fn claim_worthwhile(&self, arena: &str) -> Result<bool> {
+    async fn claim_worthwhile(&self, claim: &Claim) -> Result<bool> {
         let worthwhile = sqlx::query_scalar(
-            "SELECT EXISTS (SELECT FROM runs WHERE state = 'queued' AND arena = $1) AND NOT EXISTS (SELECT FROM leases WHERE arena = $1)",
+            "SELECT EXISTS (SELECT FROM runs WHERE state = 'queued' AND arena = $1 AND side = $2)
+                AND NOT EXISTS (SELECT FROM leases WHERE arena = $1 AND side = $2)",
         )
-        .bind(arena)
+        .bind(&claim.arena)
+        .bind(claim.side.as_str())
         .fetch_one(&self.pool)
         .await?;
         Ok(worthwhile)
@@ -146,13 +158,16 @@ impl Store {
             .await?;
         move_run(&mut transaction, &run, report.state, cause.as_ref()).await?;
         if report.state == RunState::Interrupted {
-            let arena: String = sqlx::query_scalar("SELECT arena FROM leases WHERE run_id = $1 AND epoch = $2")
-                .bind(run_id)
-                .bind(run.epoch)
-                .fetch_one(&mut *transaction)
-                .await?;
-            let reason = "a run was interrupted and its robots have to come to rest";
-            hold_arena(&mut transaction, &arena, ARENA_HOLD, reason).await?;
+            let arena: Option<String> =
+                sqlx::query_scalar("SELECT arena FROM leases WHERE run_id = $1 AND epoch = $2 AND side = 'physical'")
+                    .bind(run_id)
+                    .bind(run.epoch)
+                    .fetch_optional(&mut *transaction)
+                    .await?;
+            if let Some(arena) = arena {
+                let reason = "a run was interrupted and its robots have to come to rest";
+                hold_arena(&mut transaction, &arena, ARENA_HOLD, reason).await?;
+            }
         }
         if report.state.is_terminal() {
             end_attempt(&mut transaction, run_id, run.epoch, report.state).await?;
@@ -186,36 +201,39 @@ impl Store {
     }
 }
 
-/// Locks the arena against other claims; none when it is unknown, someone else's, stopped or held.
+/// Locks the arena against other claims; none when it is unknown or someone else's, or stopped or held while robots are to move.
 async fn lock_free_arena(connection: &mut PgConnection, claim: &Claim) -> Result<Option<ArenaRow>> {
     let row = sqlx::query_as(
         "SELECT a.name, a.width_m, a.height_m, a.floor, a.contents::text AS contents FROM arenas a
-         WHERE a.name = $1 AND a.lab = $2 AND (a.held_until IS NULL OR a.held_until <= clock_timestamp())
-           AND NOT EXISTS (SELECT FROM arena_status s WHERE s.arena = a.name AND s.stopped)
+         WHERE a.name = $1 AND a.lab = $2 AND ($3 = 'virtual' OR (
+            (a.held_until IS NULL OR a.held_until <= clock_timestamp())
+            AND NOT EXISTS (SELECT FROM arena_status s WHERE s.arena = a.name AND s.stopped)))
          FOR UPDATE OF a",
     )
     .bind(&claim.arena)
     .bind(&claim.lab)
+    .bind(claim.side.as_str())
     .fetch_optional(connection)
     .await?;
     Ok(row)
 }
 
 /// A statement of its own, so that it sees the lease of a claim that held the arena's lock before.
-async fn take_next_run(connection: &mut PgConnection, arena: &str) -> Result<Option<TakenRow>> {
+async fn take_next_run(connection: &mut PgConnection, claim: &Claim) -> Result<Option<TakenRow>> {
     let row = sqlx::query_as(
         "WITH next AS (
             SELECT r.id FROM runs r
-            WHERE r.state = 'queued' AND r.arena = $1
+            WHERE r.state = 'queued' AND r.arena = $1 AND r.side = $2
               AND r.robot_names <@ ARRAY(SELECT x.name FROM robots x LEFT JOIN robot_status s ON s.arena = x.arena AND s.name = x.name
-                    WHERE x.arena = $1 AND robot_unfit_reason(s.battery, s.stalled, s.sensor_fault) IS NULL)
-              AND NOT EXISTS (SELECT FROM leases WHERE arena = $1)
+                    WHERE x.arena = $1 AND ($2 = 'virtual' OR robot_unfit_reason(s.battery, s.stalled, s.sensor_fault) IS NULL))
+              AND NOT EXISTS (SELECT FROM leases WHERE arena = $1 AND side = $2)
             ORDER BY r.queue_number LIMIT 1 FOR UPDATE SKIP LOCKED)
          UPDATE runs r SET state = 'preparing', epoch = nextval('epochs'), attempts = r.attempts + 1, claimed_at = clock_timestamp()
          FROM next, experiments e WHERE r.id = next.id AND e.id = r.experiment_id
          RETURNING r.id, r.epoch, e.document::text AS document, r.verdict::text AS verdict, r.robot_names",
     )
-    .bind(arena)
+    .bind(&claim.arena)
+    .bind(claim.side.as_str())
     .fetch_optional(connection)
     .await?;
     Ok(row)
@@ -223,14 +241,15 @@ async fn take_next_run(connection: &mut PgConnection, arena: &str) -> Result<Opt
 
 async fn insert_lease(connection: &mut PgConnection, claim: &Claim, taken: &TakenRow, lease_s: f64) -> Result<()> {
     sqlx::query(
-        "INSERT INTO leases (run_id, epoch, arena, instance, expires_at, beat_at)
-         VALUES ($1, $2, $3, $4, clock_timestamp() + make_interval(secs => $5), clock_timestamp())",
+        "INSERT INTO leases (run_id, epoch, arena, instance, expires_at, beat_at, side)
+         VALUES ($1, $2, $3, $4, clock_timestamp() + make_interval(secs => $5), clock_timestamp(), $6)",
     )
     .bind(taken.id)
     .bind(taken.epoch)
     .bind(&claim.arena)
     .bind(claim.instance)
     .bind(lease_s)
+    .bind(claim.side.as_str())
     .execute(&mut *connection)
     .await?;
     sqlx::query("INSERT INTO attempts (run_id, epoch, lab, instance) VALUES ($1, $2, $3, $4)")

@@ -2,6 +2,7 @@
 
 use api::arena::Arena;
 use api::experiment::{DigestClaim, Experiment, ExperimentView};
+use api::lab::Side;
 use api::robot::LabRobot;
 use api::run::{Fault, RunState};
 use api::verdict::Verdict;
@@ -91,6 +92,7 @@ pub struct Claim {
     pub arena: String,
     /// One per process start; the lease belongs to it.
     pub instance: Uuid,
+    pub side: Side,
 }
 
 /// What a laboratory needs to carry a run out.

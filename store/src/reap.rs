@@ -8,6 +8,7 @@ use crate::lease::lose_attempt;
 use crate::outcome::{ReapLimits, Reaped};
 use crate::run::lock_run;
 use crate::state::fault;
+use api::lab::Side;
 use api::run::Whose;
 use uuid::Uuid;
 
@@ -46,22 +47,26 @@ impl Store {
             return Ok(None);
         };
         // Looked at again under the lock: a heartbeat may have come meanwhile.
-        let arena: Option<String> = sqlx::query_scalar(
-            "DELETE FROM leases WHERE run_id = $1 AND epoch = $2 AND expires_at <= clock_timestamp() RETURNING arena",
+        let lost: Option<(String, String)> = sqlx::query_as(
+            "DELETE FROM leases WHERE run_id = $1 AND epoch = $2 AND expires_at <= clock_timestamp() RETURNING arena, side",
         )
         .bind(run_id)
         .bind(epoch)
         .fetch_optional(&mut *transaction)
         .await?;
-        let Some(arena) = arena else { return Ok(None) };
+        let Some((arena, side)) = lost else { return Ok(None) };
+        let robots = side == Side::Physical.as_str();
+        let who = if robots { "laboratory" } else { "simulation server" };
         let cause = fault(
             Whose::Platform,
             "lease_lost",
-            "The laboratory stopped answering during this run.",
+            format!("The {who} stopped answering during this run."),
         );
         let state = lose_attempt(&mut transaction, &run, &cause, limits.run_attempts).await?;
-        let reason = "the laboratory was lost during a run and its robots have to come to rest";
-        hold_arena(&mut transaction, &arena, limits.arena_hold, reason).await?;
+        if robots {
+            let reason = "the laboratory was lost during a run and its robots have to come to rest";
+            hold_arena(&mut transaction, &arena, limits.arena_hold, reason).await?;
+        }
         transaction.commit().await?;
         Ok(Some(Reaped::Run { run_id, epoch, state }))
     }

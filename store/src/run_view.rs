@@ -41,6 +41,7 @@ struct RunRow {
 struct SituationRow {
     arena: String,
     arena_known: bool,
+    is_virtual: bool,
     lab_connected: bool,
     stopped: bool,
     held_reason: Option<String>,
@@ -60,12 +61,15 @@ macro_rules! run_select {
                 r.started_at, r.ended_at, r.fault_whose, r.fault_code, r.fault_message, e.claimed_digest, e.claimed_twin_version,
                 r.server_digest, r.server_twin_version, r.verdict::text AS verdict, e.document::text AS document,
                 r.ticks_recorded, r.ticks_missed, r.arena, a.name IS NOT NULL AS arena_known,
-                coalesce(s.seen_at > clock_timestamp() - make_interval(secs => $2), false) AS lab_connected,
-                coalesce(s.stopped, false) AS stopped,
-                CASE WHEN a.held_until > clock_timestamp() THEN a.held_reason END AS held_reason,
+                r.side = 'virtual' AS is_virtual,
+                CASE WHEN r.side = 'virtual' THEN coalesce(a.simulator_seen_at > clock_timestamp() - make_interval(secs => $2 + 30), false)
+                        OR EXISTS (SELECT FROM leases l WHERE l.arena = r.arena AND l.side = r.side AND l.expires_at > clock_timestamp())
+                    ELSE coalesce(s.seen_at > clock_timestamp() - make_interval(secs => $2), false) END AS lab_connected,
+                r.side = 'physical' AND coalesce(s.stopped, false) AS stopped,
+                CASE WHEN r.side = 'physical' AND a.held_until > clock_timestamp() THEN a.held_reason END AS held_reason,
                 CASE WHEN r.state = 'queued' THEN ARRAY(SELECT n FROM unnest(r.robot_names) n
                     WHERE NOT EXISTS (SELECT FROM robots x WHERE x.arena = r.arena AND x.name = n)) ELSE '{}' END AS robots_missing,
-                CASE WHEN r.state = 'queued' THEN ARRAY(SELECT x.name || ' ' || robot_unfit_reason(x.battery, x.stalled, x.sensor_fault)
+                CASE WHEN r.state = 'queued' AND r.side = 'physical' THEN ARRAY(SELECT x.name || ' ' || robot_unfit_reason(x.battery, x.stalled, x.sensor_fault)
                     FROM robot_status x WHERE x.arena = r.arena AND x.name = ANY(r.robot_names)
                       AND robot_unfit_reason(x.battery, x.stalled, x.sensor_fault) IS NOT NULL ORDER BY x.name) ELSE '{}' END AS robots_unfit,
                 q.ahead, q.ahead_s, b.busy_s, clock_timestamp() AS read_at
@@ -75,9 +79,9 @@ macro_rules! run_select {
              LEFT JOIN arenas a ON a.name = r.arena
              LEFT JOIN arena_status s ON s.arena = r.arena
              LEFT JOIN LATERAL (SELECT count(*) AS ahead, coalesce(sum(o.duration_s + $1), 0)::float8 AS ahead_s FROM runs o
-                WHERE r.state = 'queued' AND o.state = 'queued' AND o.arena = r.arena AND o.queue_number < r.queue_number) q ON true
+                WHERE r.state = 'queued' AND o.state = 'queued' AND o.arena = r.arena AND o.side = r.side AND o.queue_number < r.queue_number) q ON true
              LEFT JOIN LATERAL (SELECT greatest(0, c.duration_s + $1 - extract(epoch FROM clock_timestamp() - c.claimed_at))::float8 AS busy_s
-                FROM leases l JOIN runs c ON c.id = l.run_id WHERE r.state = 'queued' AND l.arena = r.arena) b ON true ",
+                FROM leases l JOIN runs c ON c.id = l.run_id WHERE r.state = 'queued' AND l.arena = r.arena AND l.side = r.side) b ON true ",
             $tail
         )
     };
@@ -193,6 +197,7 @@ impl SituationRow {
         Situation {
             arena: self.arena,
             arena_known: self.arena_known,
+            is_virtual: self.is_virtual,
             lab_connected: self.lab_connected,
             stopped: self.stopped,
             held_reason: self.held_reason,

@@ -8,18 +8,31 @@ use api::run::RunState;
 pub(crate) struct Situation {
     pub arena: String,
     pub arena_known: bool,
+    /// The twin is to carry the run out.
+    pub is_virtual: bool,
     pub lab_connected: bool,
     pub stopped: bool,
     pub held_reason: Option<String>,
     pub robots_missing: Vec<String>,
     /// Sentences without a full stop: why robots of the run get none.
     pub robots_unfit: Vec<String>,
-    /// Runs before this one in the queue.
+    /// Runs before this one in its side's queue.
     pub ahead: i64,
     /// Time those runs are expected to take.
     pub ahead_s: f64,
     /// Time left of the run that has the arena now.
     pub busy_s: Option<f64>,
+}
+
+impl Situation {
+    /// Who carries the run out.
+    const fn who(&self) -> &'static str {
+        if self.is_virtual {
+            "simulation server"
+        } else {
+            "laboratory"
+        }
+    }
 }
 
 /// One sentence; `None` once the robots move or the run has ended.
@@ -28,6 +41,7 @@ pub(crate) fn waiting_reason(state: RunState, situation: &Situation) -> Option<S
         RunState::Draft => Some("not submitted yet".to_owned()),
         RunState::Validating => Some("the twin is checking the experiment".to_owned()),
         RunState::Queued => Some(queued_reason(situation)),
+        RunState::Preparing if situation.is_virtual => Some("the simulation server is getting ready".to_owned()),
         RunState::Preparing => Some("the laboratory is placing the robots".to_owned()),
         _ => None,
     }
@@ -39,7 +53,7 @@ fn queued_reason(situation: &Situation) -> String {
         return format!("no laboratory has registered the arena {arena}");
     }
     if !situation.lab_connected {
-        return "the laboratory is not connected".to_owned();
+        return format!("the {} is not connected", situation.who());
     }
     if situation.stopped {
         return format!("the arena {arena} is held: the protective stop is pressed");
@@ -62,7 +76,7 @@ fn queued_reason(situation: &Situation) -> String {
         return situation.robots_unfit.join("; ");
     }
     match situation.ahead + i64::from(situation.busy_s.is_some()) {
-        0 => "next in line: the laboratory is about to take it".to_owned(),
+        0 => format!("next in line: the {} is about to take it", situation.who()),
         1 => format!("one run ahead of you in arena {arena}"),
         n => format!("{} runs ahead of you in arena {arena}", in_words(n)),
     }

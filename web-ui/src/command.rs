@@ -4,6 +4,7 @@
 //! the platform carries effects out and reports back with events.
 
 use crate::state::{Page, RobotIndex, TargetIndex, Template};
+use api::experiment::Mode;
 use api::verdict::{Replay, Verdict};
 use uuid::Uuid;
 
@@ -18,6 +19,7 @@ pub enum Command {
 
     ChooseTemplate(Template),
     SetLabel(String),
+    SetMode(Mode),
     SetDuration {
         duration_s: f64,
     },

@@ -19,7 +19,7 @@ pub struct Stage {
 /// Stages of the loop in the order in which a picture passes them.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Stages {
-    /// `cameras` or `tracker`.
+    /// `cameras`, `tracker`, or `twin` for a virtual run, whose other stages mean nothing.
     pub localisation: String,
     /// Mid-exposure to the whole picture at the localiser: half the exposure, reading out, transport.
     pub camera: Stage,
@@ -43,6 +43,7 @@ pub struct Stages {
 #[derive(Debug, Default)]
 pub struct StageTimes {
     from_tracker: bool,
+    from_twin: bool,
     /// Exposure and arrival of the newest pictures.
     pictures: VecDeque<(i64, i64)>,
     used_exposure_us: i64,
@@ -88,6 +89,7 @@ impl StageTimes {
             Record::Telemetry(telemetry) if telemetry.sample_bound_us < i64::MAX => {
                 self.link_us.push(telemetry.arrival_us - telemetry.sample_us);
             }
+            Record::Pose(pose) => self.from_twin |= &*pose.camera == crate::virtual_run::CAMERA,
             Record::Command(command) if command.enable => self.age_us.push(command.pose_age_us),
             _ => {}
         }
@@ -96,7 +98,12 @@ impl StageTimes {
     /// The figures of the manifest.
     pub fn finish(self) -> Stages {
         Stages {
-            localisation: if self.from_tracker { "tracker" } else { "cameras" }.to_owned(),
+            localisation: match (self.from_twin, self.from_tracker) {
+                (true, _) => crate::virtual_run::CAMERA,
+                (false, true) => "tracker",
+                (false, false) => "cameras",
+            }
+            .to_owned(),
             camera: stage(self.camera_us),
             locate: stage(self.locate_us),
             fuse: stage(self.fuse_us),

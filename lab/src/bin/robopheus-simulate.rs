@@ -1,40 +1,163 @@
-//! `robopheus-simulate`: the virtual simulation server, a live shadow of the run in the laboratory.
+//! `robopheus-simulate`: the virtual simulation server. It carries virtual runs out in the twin, and stands beside the
+//! laboratory's runs as a live shadow.
 
 use anyhow::{Context, Result};
+use api::lab::{ClaimRequest, LabDescription, Side};
 use clap::Parser;
-use lab::hub::ADDRESS_FILE;
+use lab::backoff::Backoff;
+use lab::desk::{Desk, DeskPlaces};
+use lab::hub::{ADDRESS_FILE, VIRTUAL_ADDRESS_FILE};
 use lab::record::Record;
 use lab::shadow::ShadowRun;
+use lab::{stream, virtual_loop};
 use std::io::{BufRead, BufReader, Write};
-use std::net::TcpStream;
+use std::net::{SocketAddr, TcpStream};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Duration;
+use tokio::signal::unix::{SignalKind, signal};
 
 /// Wait before connecting again.
 const RECONNECT: Duration = Duration::from_millis(500);
+/// How long the service may hold a claim.
+const WAIT_S: f64 = 20.0;
+/// An empty answer that came sooner than this was not a long poll: the service is ending.
+const SHORT_POLL: Duration = Duration::from_secs(1);
+/// After a wish to end, the process ends within this time whatever is left to do.
+const EXIT_LIMIT: Duration = Duration::from_secs(5);
 
-/// Drives the twin beside the robots, with a control of its own, and tells the laboratory's hub where the virtual robots are.
+/// Carries virtual runs out in the twin, and drives it beside the laboratory's robots.
 #[derive(Debug, Parser)]
 #[command(name = "robopheus-simulate", version)]
 struct Settings {
     /// Address of the laboratory's hub; what `<data>/lab-hub.addr` says when left out.
     #[arg(long)]
     hub: Option<String>,
-    /// Data folder of the laboratory.
+    /// Data folder of the laboratory; journals of virtual runs lie in `<data>/virtual`.
     #[arg(long, env = "ROBOPHEUS_DATA", default_value = "data")]
     data: PathBuf,
+    /// Address of the service. Without it there are no virtual runs, only the shadow.
+    #[arg(long, env = "ROBOPHEUS_SERVER", requires_all = ["token_file", "lab"])]
+    server: Option<String>,
+    /// File with the bearer token of the role `lab`.
+    #[arg(long, env = "ROBOPHEUS_LAB_TOKEN_FILE")]
+    token_file: Option<PathBuf>,
+    /// Description of the laboratory, `robopheus.lab/1`: whose virtual runs these are.
+    #[arg(long, env = "ROBOPHEUS_LAB")]
+    lab: Option<PathBuf>,
+    /// Where others follow virtual runs; port 0 takes any, the real one stands in `<data>/simulate-hub.addr`.
+    #[arg(long, default_value = "127.0.0.1:0")]
+    hub_listen: SocketAddr,
 }
 
 fn main() -> Result<()> {
+    // First: reqwest is built without a TLS provider of its own and panics without this one.
+    if rustls::crypto::ring::default_provider().install_default().is_err() {
+        anyhow::bail!("another TLS provider is installed");
+    }
     let settings = Settings::parse();
     let filter = tracing_subscriber::EnvFilter::try_from_default_env().unwrap_or_else(|_| "info".into());
     tracing_subscriber::fmt()
         .with_env_filter(filter)
         .with_writer(std::io::stderr)
         .init();
+    let (hub, data) = (settings.hub.clone(), settings.data.clone());
+    let shadow = std::thread::Builder::new()
+        .name("shadow".to_owned())
+        .spawn(move || stand_beside(hub.as_deref(), &data))?;
+    match (&settings.server, &settings.token_file, &settings.lab) {
+        (Some(server), Some(token_file), Some(lab)) => serve(&settings, server, token_file, lab),
+        _ => {
+            tracing::info!("no --server: no virtual runs, only the shadow");
+            shadow.join().map_err(|_| anyhow::anyhow!("the shadow's thread failed"))
+        }
+    }
+}
+
+/// Takes and carries out virtual runs until the process is to end.
+fn serve(settings: &Settings, server: &str, token_file: &Path, lab: &Path) -> Result<()> {
+    let text = std::fs::read(lab).with_context(|| format!("read {}", lab.display()))?;
+    let description: LabDescription =
+        serde_json::from_slice(&text).with_context(|| format!("understand {}", lab.display()))?;
+    let desk = Arc::new(Desk::open(&DeskPlaces {
+        folder: &settings.data.join("virtual"),
+        server,
+        token_file,
+        hub_listen: settings.hub_listen,
+        hub_address_file: &settings.data.join(VIRTUAL_ADDRESS_FILE),
+    })?);
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(2)
+        .enable_all()
+        .build()?;
+    let result = runtime.block_on(live(desk, description));
+    runtime.shutdown_timeout(Duration::from_secs(1));
+    result
+}
+
+async fn live(desk: Arc<Desk>, description: LabDescription) -> Result<()> {
+    let mut terminate = signal(SignalKind::terminate())?;
+    let mut interrupt = signal(SignalKind::interrupt())?;
+    tokio::spawn(stream::keep(desk.service.clone(), desk.watchers.subscribe()));
+    let mut claiming = tokio::spawn(keep_claiming(desk.clone(), description));
+    tokio::select! {
+        _ = terminate.recv() => {}
+        _ = interrupt.recv() => {}
+        ended = &mut claiming => return ended.context("the claim loop failed"),
+    }
+    desk.shutdown.request();
+    match tokio::time::timeout(EXIT_LIMIT, claiming).await {
+        Ok(ended) => ended.context("the claim loop failed"),
+        Err(_) => Ok(tracing::warn!(
+            "ending with work left; it is salvaged at the next start"
+        )),
+    }
+}
+
+async fn keep_claiming(desk: Arc<Desk>, description: LabDescription) {
+    let mut backoff = Backoff::default();
+    while !desk.shutdown.is_requested() {
+        let request = ClaimRequest {
+            lab: description.name.clone(),
+            arena: description.arena.name.clone(),
+            instance: desk.instance,
+            wait_s: WAIT_S,
+            side: Side::Virtual,
+        };
+        let asked = tokio::time::Instant::now();
+        let next = tokio::select! {
+            biased;
+            () = desk.shutdown.requested() => return,
+            next = virtual_loop::next_run(&desk, &request) => next,
+        };
+        match next {
+            Ok(Some(assignment)) => {
+                backoff.reset();
+                virtual_loop::run(&desk, assignment).await;
+            }
+            Ok(None) => {
+                backoff.reset();
+                if asked.elapsed() < SHORT_POLL {
+                    tokio::time::sleep(SHORT_POLL).await;
+                }
+            }
+            Err(error) => {
+                let wait = backoff.next_wait();
+                tracing::warn!(%error, ?wait, "no claim");
+                tokio::select! {
+                    () = desk.shutdown.requested() => return,
+                    () = tokio::time::sleep(wait) => {}
+                }
+            }
+        }
+    }
+}
+
+/// Follows the laboratory's hub, again and again, until the process ends.
+fn stand_beside(hub: Option<&str>, data: &Path) {
     let mut quiet = false;
     loop {
-        let result = address(settings.hub.as_deref(), &settings.data)
+        let result = address(hub, data)
             .and_then(|address| TcpStream::connect(&address).with_context(|| address))
             .and_then(|stream| {
                 tracing::info!("connected to the hub");

@@ -4,7 +4,7 @@ use super::error::AppError;
 use super::runs::owner_filter;
 use crate::access::Principal;
 use api::arena::ArenaView;
-use api::experiment::{ExperimentView, Mode, SubmitRequest};
+use api::experiment::{ExperimentView, SubmitRequest};
 use api::problem::FieldProblem;
 use api::robot::RobotView;
 use control::scenario::Scenario;
@@ -172,22 +172,9 @@ fn check_envelope(request: &SubmitRequest, found: &mut Vec<FieldProblem>) {
     }
 }
 
-/// What this laboratory offers today.
+/// What the service has.
 fn check_offer(request: &SubmitRequest, models: &[Model], found: &mut Vec<FieldProblem>) {
     let experiment = &request.experiment;
-    let mode = match experiment.mode {
-        Mode::Physical => None,
-        Mode::Virtual => Some("virtual"),
-        Mode::Interactive => Some("interactive"),
-    };
-    if let Some(mode) = mode {
-        found.push(problem(
-            "mode",
-            format!("the mode `{mode}` is not offered by this service"),
-            "physical",
-            "set the mode to `physical`; every experiment is simulated in the twin before it is queued",
-        ));
-    }
     if let Some(wanted) = &experiment.model
         && !models
             .iter()

@@ -5,7 +5,7 @@ use super::error::AppError;
 use super::files::stale_epoch;
 use crate::state::AppState;
 use api::lab::{
-    Assignment, ClaimRequest, Heartbeat, HeartbeatReply, LabDescription, LabStatus, SalvageReport, StateReport,
+    Assignment, ClaimRequest, Heartbeat, HeartbeatReply, LabDescription, LabStatus, SalvageReport, Side, StateReport,
 };
 use api::problem::FieldProblem;
 use api::run::RunView;
@@ -59,7 +59,11 @@ pub async fn claim(state: &AppState, request: &ClaimRequest) -> Result<Option<As
         lab: request.lab.clone(),
         arena: request.arena.clone(),
         instance: request.instance,
+        side: request.side,
     };
+    if claim.side == Side::Virtual {
+        state.store().simulator_seen(&claim.lab, &claim.arena).await?;
+    }
     let deadline = Instant::now() + wait;
     let mut changes = state.store().listen(); // interest first, then the query: nothing is missed in between
     loop {

@@ -1,8 +1,8 @@
 //! A store on its own database, with the reference laboratory and ways to bring a run into each state.
 
 use crate::support::TestDatabase;
-use api::experiment::Experiment;
-use api::lab::{LabDescription, LabStatus, RobotStatus, SalvageReport, StateReport};
+use api::experiment::{Experiment, Mode};
+use api::lab::{LabDescription, LabStatus, RobotStatus, SalvageReport, Side, StateReport};
 use api::run::{Fault, RunState, Whose};
 use api::verdict::Verdict;
 use std::time::Duration;
@@ -167,6 +167,20 @@ impl World {
 
     pub async fn queued(&self) -> Uuid {
         let run_id = self.submit().await;
+        self.admitted(run_id).await
+    }
+
+    /// Like [`Self::queued`], for the twin.
+    pub async fn queued_virtual(&self) -> Uuid {
+        let mut wanted = submission("ada");
+        wanted.experiment.mode = Mode::Virtual;
+        let Submitted::Created(view) = self.store.experiment_submit(wanted).await.unwrap() else {
+            panic!("not stored");
+        };
+        self.admitted(view.run_id).await
+    }
+
+    async fn admitted(&self, run_id: Uuid) -> Uuid {
         let job = self.job(LONG).await;
         assert_eq!(job.run_id, run_id);
         assert_eq!(
@@ -181,6 +195,7 @@ impl World {
             lab: "reference-lab".to_owned(),
             arena: "reference".to_owned(),
             instance: self.instance,
+            side: Side::Physical,
         }
     }
 

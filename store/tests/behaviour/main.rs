@@ -13,6 +13,7 @@ mod laboratory;
 mod listen;
 mod reap;
 mod robot_health;
+mod side;
 mod submit;
 mod terminal;
 mod waiting;

@@ -61,6 +61,7 @@ fn change_experiment(state: &mut State, command: Command) -> bool {
         Command::SetDuration { duration_s } => {
             experiment.duration_s = duration_s.clamp(*DURATION_S.start(), *DURATION_S.end())
         }
+        Command::SetMode(mode) => experiment.mode = mode,
         Command::SetSeed(seed) => experiment.seed = seed,
         Command::SetParameter { key, value } => parameters::set(experiment, key, value),
         Command::ResetParameters => experiment.control.parameters = serde_json::json!({}),

@@ -2,6 +2,7 @@ use super::*;
 use crate::command::HttpAnswer;
 use crate::pages;
 use crate::state::{Submission, Template, TwinStatus};
+use api::experiment::Mode;
 use api::problem::FieldProblem;
 use api::verdict::{Replay, ReplayRobot, Verdict};
 use chrono::DateTime;
@@ -136,6 +137,14 @@ fn the_twin_starts_after_a_pause_and_only_once_for_a_burst_of_changes() {
     assert_eq!(starts(&effects), [2]);
     assert!(effects.contains(&Effect::CancelTwin { id: 1 }));
     assert!(starts(&tick(&mut state, clock(1.6))).is_empty());
+}
+
+#[test]
+fn the_mode_is_part_of_the_document_and_is_rehearsed() {
+    let mut state = rehearsed(true);
+    command(&mut state, Command::SetMode(Mode::Virtual));
+    assert_eq!(state.compose.experiment.mode, Mode::Virtual);
+    assert!(matches!(state.compose.twin.status, TwinStatus::Waiting { .. }));
 }
 
 #[test]

@@ -302,7 +302,11 @@ impl Programs {
 
     fn simulate(&self) -> Command {
         let mut command = self.command("robopheus-simulate");
-        command.arg("--data").arg(&self.data);
+        command
+            .arg("--server")
+            .arg(format!("http://127.0.0.1:{}", self.ports.server));
+        command.arg("--token-file").arg(self.data.join("tokens/lab"));
+        command.arg("--data").arg(&self.data).arg("--lab").arg(&self.lab_file);
         command
     }
 

@@ -7,6 +7,7 @@ use crate::parameters;
 use crate::state::{State, Template};
 use crate::theme::{self, Palette};
 use crate::update;
+use api::experiment::Mode;
 use egui::{Align, Button, CollapsingHeader, DragValue, Grid, Layout, RichText, Slider, TextEdit, Ui, vec2};
 
 const NAME_WIDTH: f32 = 116.0;
@@ -77,6 +78,25 @@ fn row(ui: &mut Ui, palette: &Palette, name: &str, hint: &str, content: impl FnO
     });
 }
 
+/// Mode, its title, and what it means.
+const MODES: [(Mode, &str, &str); 3] = [
+    (
+        Mode::Physical,
+        "Robots",
+        "The laboratory's robots drive; the twin drives beside them with a control of its own",
+    ),
+    (
+        Mode::Interactive,
+        "Both",
+        "The robots drive; the twin gets their commands and poses and tells where they are now",
+    ),
+    (
+        Mode::Virtual,
+        "Twin",
+        "The twin alone, at the robots' pace; needs no laboratory and gives the same files",
+    ),
+];
+
 fn experiment(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) {
     let compose = &state.compose;
     parts::section(ui, "Experiment");
@@ -91,6 +111,19 @@ fn experiment(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette
         output.mark("compose.label", &response);
         if response.changed() {
             output.send(Command::SetLabel(label));
+        }
+    });
+    row(ui, palette, "Runs on", "What carries the experiment out", |ui| {
+        for (mode, title, hint) in MODES {
+            let chosen = compose.experiment.mode == mode;
+            let button = Button::new(title)
+                .selected(chosen)
+                .min_size(vec2(0.0, theme::CONTROL_HEIGHT));
+            let response = ui.add(button).on_hover_text(hint);
+            output.mark(format!("compose.mode.{title}"), &response);
+            if response.clicked() && !chosen {
+                output.send(Command::SetMode(mode));
+            }
         }
     });
     row(
