@@ -117,6 +117,11 @@ impl System {
             .with_context(|| format!("no process {name:?} among {:?}", file.pids.keys()))
     }
 
+    /// Sends a signal to one of the processes.
+    pub fn signal(&self, name: &str, number: i32) -> anyhow::Result<()> {
+        signal(self.pid(name)?, number)
+    }
+
     /// SIGKILL, without any chance to tidy up.
     pub fn kill_9(&self, name: &str) -> anyhow::Result<()> {
         signal(self.pid(name)?, libc::SIGKILL)
