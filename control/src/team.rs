@@ -41,6 +41,7 @@ pub struct Team {
     law: Box<dyn Law>,
     parameters: Parameters,
     bodies: Vec<Body>,
+    arena_m: [f64; 2],
     targets: Vec<Vec<Goal>>,
     filter: SafetyFilter,
     demands: Vec<Demand>,
@@ -84,6 +85,7 @@ impl Team {
             .collect();
         Ok(Team {
             law,
+            arena_m,
             parameters: Parameters::of(&scenario.experiment.control),
             targets: law::goals(scenario),
             filter,
@@ -106,6 +108,7 @@ impl Team {
         }
         self.demands.fill(Demand::default());
         let observation = Observation {
+            arena_m: self.arena_m,
             tick: self.tick,
             robots: observations,
             bodies: &self.bodies,

@@ -6,7 +6,7 @@ use common::{chassis_robot, parsed, team};
 use control::TICK_S;
 use control::law::RobotObservation;
 use control::rehearsal::Rehearsal;
-use control::safety::{Cause, FilterBody, Geofence, Limits, SafetyFilter};
+use control::safety::{Cause, FilterBody, Filtered, Geofence, Limits, SafetyFilter};
 use serde_json::json;
 use twin::pose::Pose;
 use twin::robot::Robot;
@@ -29,15 +29,17 @@ struct Corridor {
     seen: bool,
 }
 
+fn body(chassis: &str) -> FilterBody {
+    let description = chassis_robot(chassis, "r")["description"].clone();
+    FilterBody {
+        robot: Robot::new(serde_json::from_value(description).expect("description")).expect("robot"),
+        bounding_radius_m: RADIUS_M,
+    }
+}
+
 impl Corridor {
     fn new(chassis: [&'static str; 2], width_m: f64) -> Corridor {
-        let bodies = chassis.map(|one| {
-            let description = chassis_robot(one, "r")["description"].clone();
-            FilterBody {
-                robot: Robot::new(serde_json::from_value(description).expect("description")).expect("robot"),
-                bounding_radius_m: RADIUS_M,
-            }
-        });
+        let bodies = chassis.map(body);
         let fence = Geofence::rectangle([-1.9, -0.5 * width_m], [1.9, 0.5 * width_m]).expect("fence");
         let seen = |x_m: f64, yaw_rad: f64| RobotObservation {
             pose: Pose { x_m, y_m: 0.0, yaw_rad },
@@ -77,21 +79,27 @@ impl Corridor {
         }
     }
 
+    /// Moves the robots as they are told; the largest speed, m/s.
+    fn follow(&mut self, filtered: &[Filtered]) -> f64 {
+        let mut fastest = 0.0_f64;
+        for (robot, filtered) in self.robots.iter_mut().zip(filtered) {
+            let twist = filtered.command.twist();
+            let (s, c) = (libm::sin(robot.pose.yaw_rad), libm::cos(robot.pose.yaw_rad));
+            robot.pose.x_m += (c * twist.forward_m_per_s - s * twist.left_m_per_s) * TICK_S;
+            robot.pose.y_m += (s * twist.forward_m_per_s + c * twist.left_m_per_s) * TICK_S;
+            robot.pose.yaw_rad += twist.yaw_rate_rad_per_s * TICK_S;
+            robot.twist = twist;
+            fastest = fastest.max(twist.speed_m_per_s());
+            self.detours += u32::from(filtered.intervention.is_some_and(|one| one.cause == Cause::Deadlock));
+        }
+        fastest
+    }
+
     fn run(&mut self, time_s: f64) {
         for _ in 0..(time_s / TICK_S) as usize {
-            let mut fastest = 0.0_f64;
             let wishes = [self.wish(0), self.wish(1)];
             let filtered = self.filter.apply(&self.robots, &wishes).to_vec();
-            for (robot, filtered) in self.robots.iter_mut().zip(&filtered) {
-                let twist = filtered.command.twist();
-                let (s, c) = (libm::sin(robot.pose.yaw_rad), libm::cos(robot.pose.yaw_rad));
-                robot.pose.x_m += (c * twist.forward_m_per_s - s * twist.left_m_per_s) * TICK_S;
-                robot.pose.y_m += (s * twist.forward_m_per_s + c * twist.left_m_per_s) * TICK_S;
-                robot.pose.yaw_rad += twist.yaw_rate_rad_per_s * TICK_S;
-                robot.twist = twist;
-                fastest = fastest.max(twist.speed_m_per_s());
-                self.detours += u32::from(filtered.intervention.is_some_and(|one| one.cause == Cause::Deadlock));
-            }
+            let fastest = self.follow(&filtered);
             let silent = self.filter.deadlocks().next().is_none();
             self.seen |= !silent;
             self.stalled_s = if fastest < 0.02 && silent {
@@ -153,6 +161,54 @@ fn a_deadlock_is_given_up_where_there_is_no_room_and_resolved_where_there_is() {
             wide.robots[0].pose.x_m > 1.0 && wide.robots[1].pose.x_m < -1.0,
             "{chassis:?} {:?}",
             wide.robots
+        );
+    }
+}
+
+/// A robot that cannot move sideways and wants past a parked one on the side of a wall presses against the wall alone; it is
+/// sent the other way.
+#[test]
+fn a_wall_beside_a_robot_in_the_way_holds_as_well() {
+    for chassis in ["diff2", "diff4"] {
+        let mut corridor = Corridor::new([chassis, "omni4"], 3.0);
+        corridor.filter = SafetyFilter::new(Limits::default(), [4.0, 3.0], [chassis, "omni4"].map(body).to_vec());
+        let pose = |x_m: f64, y_m: f64, yaw_rad: f64| Pose { x_m, y_m, yaw_rad };
+        // Up and to the left, past the upper side of the parked robot, where there is no room.
+        let [left, up] = [-0.8, 0.6];
+        corridor.robots[0].pose = pose(0.62, 1.18, libm::atan2(up, left));
+        corridor.robots[1].pose = pose(0.0, 1.05, 0.0);
+        let mut seen_after_s = None;
+        let (mut lowest_m, mut nearest_m) = (f64::INFINITY, f64::INFINITY);
+        for tick in 0..(20.0 / TICK_S) as usize {
+            let wishes = [
+                BodyTwist {
+                    forward_m_per_s: 0.4,
+                    ..BodyTwist::default()
+                },
+                BodyTwist::default(),
+            ];
+            let filtered = corridor.filter.apply(&corridor.robots, &wishes).to_vec();
+            corridor.follow(&filtered);
+            if corridor.filter.deadlocks().next().is_some() {
+                seen_after_s.get_or_insert(tick as f64 * TICK_S);
+            }
+            lowest_m = corridor.robots[0].pose.y_m.min(lowest_m);
+            nearest_m = corridor.robots[0]
+                .pose
+                .distance_m(&corridor.robots[1].pose)
+                .min(nearest_m);
+        }
+        assert!(
+            seen_after_s.is_some_and(|after_s| after_s <= SEEN_S),
+            "{chassis}: {seen_after_s:?}"
+        );
+        assert!(
+            lowest_m < 1.0,
+            "{chassis}: sent away from the wall, down to {lowest_m} m"
+        );
+        assert!(
+            nearest_m - 2.0 * RADIUS_M > Limits::default().robot_margin_m,
+            "{chassis}: {nearest_m}"
         );
     }
 }

@@ -1,7 +1,8 @@
 //! Liveness rule: a robot with another one in its way swerves to the right.
 //!
 //! The swerve is perpendicular to the line between the two robots, so it never brings them closer, and since all
-//! robots swerve to the same side a crowd turns like a roundabout instead of standing still.
+//! robots swerve to the same side a crowd turns like a roundabout instead of standing still. Only round a robot at rest
+//! that leaves no room between itself and a wall on the right it goes to the left.
 
 use super::Observation;
 use crate::vector::{Vector, add, clip, direction, dot, length, right_of, scale, sub};
@@ -10,6 +11,10 @@ use crate::vector::{Vector, add, clip, direction, dot, length, right_of, scale, 
 const RANGE_M: f64 = 0.6;
 /// A neighbour counts as in the way up to this cosine of the angle off the wanted direction.
 const LEAST_COSINE: f64 = 0.05;
+/// A slower robot is at rest: it swerves to no side itself.
+const AT_REST_M_PER_S: f64 = 0.02;
+/// Room that passing needs beyond the bounding circles, on each side of the passing robot.
+const ROOM_M: f64 = 0.06;
 
 /// `velocity` of robot `index` bent to the right of robots in its way; never faster than before.
 ///
@@ -42,7 +47,24 @@ pub fn keep_right(
             continue;
         }
         let near = (1.0 - gap_m / RANGE_M).min(1.0);
-        bent = add(bent, scale(right_of(toward), strength * speed * ahead * near));
+        let right = right_of(toward);
+        let rests = length([other.twist.forward_m_per_s, other.twist.left_m_per_s]) < AT_REST_M_PER_S;
+        let has_room = |side: Vector| passable(side, [index, j], observation);
+        let side = if rests && !has_room(right) && has_room(scale(right, -1.0)) {
+            scale(right, -1.0)
+        } else {
+            right
+        };
+        bent = add(bent, scale(side, strength * speed * ahead * near));
     }
     clip(bent, speed)
+}
+
+/// The first robot fits between the second one and the wall on this side of it.
+fn passable(side: Vector, [own, other]: [usize; 2], observation: &Observation<'_>) -> bool {
+    let [own_m, other_m] = [own, other].map(|robot| observation.bodies[robot].bounding_radius_m);
+    let there = &observation.robots[other].pose;
+    let way = add([there.x_m, there.y_m], scale(side, own_m + other_m + ROOM_M));
+    let half = |axis: usize| 0.5 * observation.arena_m[axis] - own_m - ROOM_M;
+    way[0].abs() <= half(0) && way[1].abs() <= half(1)
 }

@@ -101,6 +101,8 @@ pub struct Observation<'a> {
     /// All robots of the experiment: a law's own and its neighbours.
     pub robots: &'a [RobotObservation],
     pub bodies: &'a [Body],
+    /// Width and height of the arena around the origin.
+    pub arena_m: [f64; 2],
     /// Targets of each robot, in order.
     pub targets: &'a [Vec<Goal>],
     pub parameters: &'a Parameters,

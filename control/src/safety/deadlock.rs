@@ -1,10 +1,11 @@
 //! Robots that want to move and hold each other.
 //!
-//! A robot is held while a row against another robot acts on it and it makes next to no progress where it wants to go.
+//! A robot is held while a row against another robot acts on it and it makes next to no progress where it wants to go; a wall
+//! holds it only if another robot stands in the way as well, for example when it wants past that one on the side of the wall.
 //! After [`Limits::deadlock_after_s`](super::Limits::deadlock_after_s) the robots that hold each other are sent round
 //! the middle of their group like a disc that widens, `v_i = omega x (x_i - c) + epsilon (x_i - c)`: such a motion
 //! shrinks no distance in the group, and the wish goes through the same rows as every other, so that no distance can fall below what it could
-//! anyway. Every second attempt goes the other way round; after [`MAX_ATTEMPTS`] it is given up and reported.
+//! anyway. Every second pair of attempts goes the other way round, and the first goes away from a wall; after [`MAX_ATTEMPTS`] it is given up and reported.
 
 use super::Limits;
 use super::margin::Place;
@@ -33,6 +34,16 @@ pub const MAX_ATTEMPTS: u32 = 10;
 /// Progress for this long forgets earlier attempts.
 const FORGET_S: f64 = 3.0;
 
+/// What acts on a robot.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Hold {
+    #[default]
+    Nothing,
+    /// A wall, a fence or an obstacle, and no robot.
+    Wall,
+    Robot,
+}
+
 /// A robot that has been held for longer than the limit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Deadlock {
@@ -56,6 +67,8 @@ struct Watch {
     /// Distance of the outermost robot of the group from the centre.
     outermost_m: f64,
     sense: f64,
+    /// Where a wall pushed it last.
+    push: Option<Vector>,
 }
 
 /// Watches all robots of a run.
@@ -106,13 +119,13 @@ impl Watcher {
         Some(scale(way, speed / watch.outermost_m.max(length(arm)).max(1e-3)))
     }
 
-    /// Looks at what came of a tick. `holds(i)`: a row against another robot acts on `i`.
+    /// Looks at what came of a tick.
     pub fn look(
         &mut self,
         places: &[Place],
         intents: &[Vector],
         velocities: &[Vector],
-        holds: &[bool],
+        holds: &[Hold],
         pairs: impl Iterator<Item = [u32; 2]>,
     ) {
         for i in 0..self.watches.len() {
@@ -135,7 +148,12 @@ impl Watcher {
         }
     }
 
-    fn judge(&mut self, i: usize, places: &[Place], intent: Vector, velocity: Vector, held: bool) {
+    fn judge(&mut self, i: usize, places: &[Place], intent: Vector, velocity: Vector, hold: Hold) {
+        let held = match hold {
+            Hold::Nothing => false,
+            Hold::Wall => !is_free(i, places, intent),
+            Hold::Robot => true,
+        };
         let speed = length(intent);
         let progress = dot(intent, velocity) / speed.max(1e-9);
         let watch = &mut self.watches[i];
@@ -153,6 +171,7 @@ impl Watcher {
         if speed > WANTED_M_PER_S && progress < PROGRESS * speed && held {
             watch.held_ticks = (watch.held_ticks + 1).min(2 * self.patience_ticks);
             watch.moving_ticks = 0;
+            watch.push = (hold == Hold::Wall).then(|| sub(velocity, intent));
         } else {
             watch.held_ticks = watch.held_ticks.saturating_sub(RELIEF);
             watch.moving_ticks += 1;
@@ -173,7 +192,17 @@ impl Watcher {
             count += 1.0;
             attempts = attempts.max(self.watches[i].attempts);
         }
-        let centre = scale(sum, 1.0 / f64::max(count, 1.0));
+        let alone = count < 1.5;
+        let centre = match nearest(root, places).filter(|_| alone) {
+            // Nobody holds it but the wall: round the robot it cannot get past.
+            Some(other) => other,
+            None => scale(sum, 1.0 / f64::max(count, 1.0)),
+        };
+        let away = (0..n).filter(|i| members(&self.groups, *i)).find_map(|i| {
+            let push = self.watches[i].push?;
+            let arm = sub(places[i].position?, centre);
+            Some(if dot(right_of(arm), push) > 0.0 { -1.0 } else { 1.0 })
+        });
         let waits = |watch: &Watch| watch.held_ticks >= self.patience_ticks / 2;
         let outermost_m = (0..n)
             .filter(|i| members(&self.groups, *i) && waits(&self.watches[*i]))
@@ -192,10 +221,18 @@ impl Watcher {
                 watch.since = 0;
                 watch.centre = centre;
                 watch.outermost_m = outermost_m;
-                watch.sense = if attempts % 4 < 2 { 1.0 } else { -1.0 };
+                watch.sense = away.unwrap_or(1.0) * if attempts % 4 < 2 { 1.0 } else { -1.0 };
             }
         }
     }
+}
+
+/// Where the nearest other robot is.
+fn nearest(i: usize, places: &[Place]) -> Option<Vector> {
+    let at = places[i].position?;
+    let others = places.iter().enumerate().filter(|(j, _)| *j != i);
+    let seen = others.filter_map(|(_, place)| place.position);
+    seen.min_by(|a, b| length(sub(*a, at)).total_cmp(&length(sub(*b, at))))
 }
 
 /// Nothing close by stands where the robot wants to go. A robot that only turns now does not say where that is.

@@ -11,7 +11,7 @@ use twin::twist::BodyTwist;
 use twin::world::Contents;
 
 use super::chassis::{Chassis, Motion, Numbers};
-use super::deadlock::{Deadlock, Watcher};
+use super::deadlock::{Deadlock, Hold, Watcher};
 use super::groups::Groups;
 use super::intervention::{Cause, Strongest};
 use super::listing::{self, Listing, Robots, Scene};
@@ -79,7 +79,7 @@ pub struct SafetyFilter {
     strongest: Vec<Strongest>,
     intents: Vec<Vector>,
     velocities: Vec<Vector>,
-    holds: Vec<bool>,
+    holds: Vec<Hold>,
     steps: u32,
 }
 
@@ -146,7 +146,7 @@ impl SafetyFilter {
             strongest: vec![Strongest::NONE; n],
             intents: vec![[0.0, 0.0]; n],
             velocities: vec![[0.0, 0.0]; n],
-            holds: vec![false; n],
+            holds: vec![Hold::Nothing; n],
             steps: 0,
             listing,
         }

@@ -154,6 +154,7 @@ pub fn team(
 /// Robots that do at once what the law asks: single integrators that may move in every direction, without filter.
 pub struct Ideal {
     law: Box<dyn control::law::Law>,
+    arena_m: [f64; 2],
     parameters: control::law::Parameters,
     pub bodies: Vec<control::law::Body>,
     targets: Vec<Vec<control::law::Goal>>,
@@ -178,6 +179,7 @@ impl Ideal {
         };
         Ideal {
             law: control::law::build(&scenario).expect("law"),
+            arena_m: [scenario.arena.width_m, scenario.arena.height_m],
             parameters: control::law::Parameters::of(&scenario.experiment.control),
             bodies: control::law::bodies(&scenario, &robots),
             targets: control::law::goals(&scenario),
@@ -194,6 +196,7 @@ impl Ideal {
     pub fn step(&mut self) {
         self.demands.fill(Default::default());
         let observation = control::law::Observation {
+            arena_m: self.arena_m,
             tick: self.tick,
             robots: &self.robots,
             bodies: &self.bodies,

@@ -3,6 +3,7 @@
 use twin::twist::BodyTwist;
 
 use super::{RECORDED_RAD_PER_S, SafetyFilter, stop_holding};
+use crate::safety::deadlock::Hold;
 use crate::safety::intervention::{Cause, Intervention, Strongest};
 use crate::safety::rows::{NOBODY, Source};
 use crate::safety::{Filtered, SafeCommand};
@@ -17,7 +18,7 @@ impl SafetyFilter {
     /// Which rows acted on whom, and how much.
     pub(super) fn weigh(&mut self) {
         self.strongest.fill(Strongest::NONE);
-        self.holds.fill(false);
+        self.holds.fill(Hold::Nothing);
         for row in self.listing.rows.iter().filter(|row| row.multiplier > 0.0) {
             for k in 0..2 {
                 let (robot, other) = (row.robots[k], row.robots[1 - k]);
@@ -29,7 +30,12 @@ impl SafetyFilter {
                 let push_m_per_s = row.multiplier * size;
                 if push_m_per_s > PUSHED_M_PER_S {
                     self.strongest[robot as usize].add(row.source.cause(other), push_m_per_s);
-                    self.holds[robot as usize] |= row.source == Source::Robot;
+                    let hold = &mut self.holds[robot as usize];
+                    *hold = match (row.source, *hold) {
+                        (Source::Robot, _) | (_, Hold::Robot) => Hold::Robot,
+                        (Source::Wall(_) | Source::Fence(_) | Source::Obstacle { .. }, _) => Hold::Wall,
+                        (_, before) => before,
+                    };
                 }
             }
         }
