@@ -3,7 +3,6 @@
 //! Results go to standard output (with `--json` as one JSON document), progress and errors to standard error.
 //! Exit status: 0 done, 1 refused or failed, 2 wrong usage, 3 service out of reach, 4 damaged data.
 
-mod bundles;
 mod commands;
 mod output;
 mod settings;

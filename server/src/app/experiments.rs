@@ -5,10 +5,11 @@ use super::runs::owner_filter;
 use crate::access::Principal;
 use api::arena::ArenaView;
 use api::experiment::{ExperimentView, Mode, SubmitRequest};
+use api::model::ModelView;
 use api::problem::FieldProblem;
 use api::robot::RobotView;
 use control::scenario::Scenario;
-use store::{Model, NewSubmission, Store, Submitted};
+use store::{NewSubmission, Store, Submitted};
 use uuid::Uuid;
 
 /// Longest label.
@@ -52,7 +53,7 @@ pub async fn submit(store: &Store, principal: &Principal, submission: Submission
         arenas: store.arena_list().await?,
     };
     let models = if request.experiment.model.is_some() {
-        store.model_list().await?
+        store.model_list(None).await?
     } else {
         Vec::new()
     };
@@ -122,7 +123,7 @@ struct Laboratory {
 }
 
 /// Every rule that the submission breaks; paths are those of the experiment document.
-fn problems(request: &SubmitRequest, laboratory: &Laboratory, models: &[Model]) -> Vec<FieldProblem> {
+fn problems(request: &SubmitRequest, laboratory: &Laboratory, models: &[ModelView]) -> Vec<FieldProblem> {
     let mut found = Vec::new();
     check_envelope(request, &mut found);
     check_offer(request, models, &mut found);
@@ -173,7 +174,7 @@ fn check_envelope(request: &SubmitRequest, found: &mut Vec<FieldProblem>) {
 }
 
 /// What this laboratory offers today.
-fn check_offer(request: &SubmitRequest, models: &[Model], found: &mut Vec<FieldProblem>) {
+fn check_offer(request: &SubmitRequest, models: &[ModelView], found: &mut Vec<FieldProblem>) {
     let experiment = &request.experiment;
     let mode = match experiment.mode {
         Mode::Physical => None,
