@@ -120,6 +120,14 @@ CREATE FUNCTION current_model(of_robot text, on_floor text) RETURNS uuid LANGUAG
     SELECT model_id FROM model_uses WHERE robot = of_robot AND floor = on_floor ORDER BY number DESC LIMIT 1
 $$;
 
+-- Models that an experiment is rehearsed with, as they were when it was submitted; robots without a row have the nominal twin.
+CREATE TABLE experiment_models (
+    experiment_id uuid NOT NULL REFERENCES experiments (id),
+    robot         text NOT NULL,
+    model_id      uuid NOT NULL REFERENCES models (id),
+    PRIMARY KEY (experiment_id, robot)
+);
+
 -- Runs in which nothing was changed, by robot.
 CREATE TABLE robot_references (
     robot  text NOT NULL,

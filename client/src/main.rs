@@ -52,6 +52,8 @@ enum Command {
     Simulate(commands::simulate::Arguments),
     /// Find where runs and twin disagree, name the missing effect, and write a report and a new model version
     Diagnose(commands::diagnose::Arguments),
+    /// Diagnoses in the service: start, list, show, cancel, accept, revert, next
+    Diagnoses(commands::diagnoses::Arguments),
 }
 
 fn main() {
@@ -84,5 +86,6 @@ async fn run(arguments: Arguments, output: &Output) -> anyhow::Result<()> {
         Command::Fetch(a) => commands::fetch::run(a, &settings, output).await,
         Command::Simulate(a) => commands::simulate::run(&a, output),
         Command::Diagnose(a) => commands::diagnose::run(&a, output),
+        Command::Diagnoses(a) => commands::diagnoses::run(a, &settings, output).await,
     }
 }

@@ -126,6 +126,22 @@ impl Store {
         let Some(row) = row else { return Ok(None) };
         let experiment: Experiment = serde_json::from_str(&row.document).map_err(StoreError::corrupt("experiment"))?;
         let (robots, robots_missing) = self.robots_of(&experiment).await?;
+        let models: Vec<(String, String)> = sqlx::query_as(
+            "SELECT x.robot, m.document::text FROM experiment_models x JOIN models m ON m.id = x.model_id
+             JOIN runs r ON r.experiment_id = x.experiment_id WHERE r.id = $1",
+        )
+        .bind(run_id)
+        .fetch_all(&self.pool)
+        .await?;
+        let models = models
+            .into_iter()
+            .map(|(robot, text)| {
+                Ok((
+                    robot,
+                    serde_json::from_str(&text).map_err(StoreError::corrupt("model"))?,
+                ))
+            })
+            .collect::<Result<_>>()?;
         Ok(Some(RehearsalInput {
             run_id,
             arena: row.arena()?,
@@ -133,6 +149,7 @@ impl Store {
             experiment,
             robots,
             robots_missing,
+            models,
         }))
     }
 

@@ -125,28 +125,16 @@ impl Store {
         })
     }
 
-    /// Documents of the current models of robots on a floor, by robot; robots with the nominal twin are left out.
-    pub async fn robot_model_documents(
-        &self,
-        robots: &[String],
-        floor: &str,
-    ) -> Result<Vec<(String, serde_json::Value)>> {
-        let rows: Vec<(String, String)> = sqlx::query_as(
-            "SELECT n.robot, m.document::text FROM unnest($1::text[]) n(robot)
-             JOIN models m ON m.id = current_model(n.robot, $2)",
-        )
-        .bind(robots)
-        .bind(floor)
+    /// The model of every robot that does not use the nominal twin, by robot.
+    pub async fn models_current(&self) -> Result<Vec<ModelView>> {
+        let rows: Vec<ModelRow> = sqlx::query_as(model_select!(
+            "WHERE m.id IN (SELECT current_model(u.robot, u.floor) FROM (SELECT DISTINCT robot, floor FROM model_uses) u)
+             ORDER BY m.robot, m.floor LIMIT $1"
+        ))
+        .bind(LIST_LIMIT)
         .fetch_all(&self.pool)
         .await?;
-        rows.into_iter()
-            .map(|(robot, text)| {
-                Ok((
-                    robot,
-                    serde_json::from_str(&text).map_err(StoreError::corrupt("model"))?,
-                ))
-            })
-            .collect()
+        rows.into_iter().map(ModelRow::into_view).collect()
     }
 
     /// Adds a line to the record: from now on the robot's twin uses this model, or the nominal one. A model that is

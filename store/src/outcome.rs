@@ -8,6 +8,7 @@ use api::robot::LabRobot;
 use api::run::{Fault, RunState};
 use api::verdict::Verdict;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use uuid::Uuid;
 
 /// What a token allows.
@@ -223,6 +224,8 @@ pub struct RehearsalInput {
     /// Names that the arena does not have.
     pub robots_missing: Vec<String>,
     pub claim: Option<DigestClaim>,
+    /// `robopheus.model/1` of the robots that are not nominal.
+    pub models: BTreeMap<String, serde_json::Value>,
 }
 
 /// Limits of the reconciler.

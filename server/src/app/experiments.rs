@@ -4,6 +4,7 @@ use super::error::AppError;
 use super::runs::owner_filter;
 use crate::access::Principal;
 use api::arena::ArenaView;
+use api::diagnosis::NOMINAL;
 use api::experiment::{ExperimentView, Mode, SubmitRequest};
 use api::model::ModelView;
 use api::problem::FieldProblem;
@@ -189,21 +190,27 @@ fn check_offer(request: &SubmitRequest, models: &[ModelView], found: &mut Vec<Fi
             "set the mode to `physical`; every experiment is simulated in the twin before it is queued",
         ));
     }
-    if let Some(wanted) = &experiment.model
+    let takes_part = |model: &&ModelView| experiment.robots.iter().any(|robot| robot.name == model.robot);
+    if let Some(wanted) = experiment.model.as_ref().filter(|wanted| *wanted != NOMINAL)
         && !models
             .iter()
+            .filter(takes_part)
             .any(|model| &model.version == wanted || model.id.to_string() == *wanted)
     {
-        let known: Vec<_> = models.iter().map(|model| model.version.as_str()).collect();
+        let known: Vec<_> = models
+            .iter()
+            .filter(takes_part)
+            .map(|model| model.version.as_str())
+            .collect();
         found.push(problem(
             "model",
             format!("there is no model {wanted:?}"),
             if known.is_empty() {
-                "null (no model is published yet)".to_owned()
+                "null, nominal (these robots have no model version yet)".to_owned()
             } else {
-                format!("null, {}", known.join(", "))
+                format!("null, nominal, {}", known.join(", "))
             },
-            "leave it null for the nominal twin",
+            "leave it null for the current models of the robots",
         ));
     }
 }

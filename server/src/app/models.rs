@@ -10,9 +10,15 @@ use api::run::{RunState, RunView};
 use store::Store;
 use uuid::Uuid;
 
-/// Newest first; of one robot when given.
-pub async fn list(store: &Store, robot: Option<&str>) -> Result<Vec<ModelView>, AppError> {
-    Ok(store.model_list(robot).await?)
+/// Newest first; of one robot when given, and only those in use when asked for.
+pub async fn list(store: &Store, robot: Option<&str>, current: bool) -> Result<Vec<ModelView>, AppError> {
+    let mut models = if current {
+        store.models_current().await?
+    } else {
+        store.model_list(robot).await?
+    };
+    models.retain(|model| robot.is_none_or(|robot| model.robot == robot));
+    Ok(models)
 }
 
 pub async fn get(store: &Store, id: Uuid) -> Result<ModelView, AppError> {

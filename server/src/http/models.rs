@@ -20,6 +20,9 @@ use utoipa::IntoParams;
 pub struct Wanted {
     /// Only of this robot.
     robot: Option<String>,
+    /// Only those that robots use now.
+    #[serde(default)]
+    current: bool,
 }
 
 /// Published model versions, newest first.
@@ -28,7 +31,9 @@ pub async fn list(
     State(state): State<AppState>,
     QueryOf(wanted): QueryOf<Wanted>,
 ) -> Result<Json<Vec<ModelView>>, ApiError> {
-    Ok(Json(models::list(state.store(), wanted.robot.as_deref()).await?))
+    Ok(Json(
+        models::list(state.store(), wanted.robot.as_deref(), wanted.current).await?,
+    ))
 }
 
 /// One model version.
