@@ -19,6 +19,9 @@
 //! * Run: `run.arena`, `run.plot`, `run.play`, `run.seek`, `run.speed`, `run.live`, `run.cancel`, `run.finding.<i>`,
 //!   `run.download.archive`, `run.download.<file name>`
 //! * Robots: `robots.row.<name>`
+//! * Gap: `gap.robot.<name>`, `gap.run.<run id>.same`, `gap.run.<run id>.changed`, `gap.keep`, `gap.start`, `gap.new`,
+//!   `gap.row.<diagnosis id>`, `gap.cancel`, `gap.accept`, `gap.revert`, `gap.next`, `gap.next.run`, `gap.page`,
+//!   `gap.floor`, `gap.elsewhere`
 
 #[cfg(target_arch = "wasm32")]
 pub mod app;
@@ -33,6 +36,7 @@ pub mod pages;
 pub mod parameters;
 #[cfg(target_arch = "wasm32")]
 pub mod platform;
+pub mod report;
 pub mod scenario;
 pub mod state;
 pub mod theme;
