@@ -1,5 +1,5 @@
-//! Fills a running service (`cargo xtask up --no-lab`) with finished runs of `omni-03`, for a look at the Gap page without
-//! waiting for robots: `cargo run -p scheduler --example seed_runs -- DATABASE_URL DATA [UNCHANGED CHANGED SECONDS EFFECTS]`.
+//! Fills a running service (`cargo xtask up --no-lab`) with finished runs of a robot, for a look at the Gap page without
+//! waiting for robots: `cargo run -p scheduler --example seed_runs -- DATABASE_URL DATA [UNCHANGED CHANGED SECONDS EFFECTS ROBOT]`.
 //! The runs are driven by a twin with effects that its description does not know.
 
 #[path = "../tests/support/recorded.rs"]
@@ -22,7 +22,7 @@ async fn main() {
         .await
         .expect("the database answers");
     store.lab_register(&lab()).await.expect("registered");
-    let effects = text(5, PATCH);
+    let (effects, robot) = (text(5, PATCH), text(6, "omni-03"));
     let kinds = [
         ("as always", "[]", number(2, 3)),
         ("after the floor was waxed", effects.as_str(), number(3, 6)),
@@ -31,6 +31,7 @@ async fn main() {
         for k in 0..count {
             let label = format!("{label}, {}", k + 1);
             let recipe = Recipe {
+                robot: &robot,
                 label: &label,
                 effects,
                 duration_s: number(4, 30) as f64,

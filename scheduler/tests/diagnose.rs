@@ -78,6 +78,7 @@ impl World {
         let mut runs = Vec::new();
         for k in 0..count {
             let recipe = Recipe {
+                robot: "omni-03",
                 label,
                 effects,
                 duration_s,

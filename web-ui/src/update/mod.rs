@@ -190,3 +190,5 @@ fn push_toast(state: &mut State, text: String, error: bool) {
 
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod tests_gap;

@@ -212,8 +212,18 @@ fn gap_text(gap: &Gap, value: f64) -> String {
     match gap.unit.as_str() {
         "m" => millimetres(value),
         "rad" => format!("{:.1}\u{b0}", value.to_degrees()),
-        unit => format!("{} {unit}", phrase::figure(value)),
+        unit => format!("{} {unit}", two_figures(value)),
     }
+}
+
+/// Two figures that count: comparing needs no more.
+fn two_figures(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return "0".to_owned();
+    }
+    let before_point = value.abs().log10().floor() as i32;
+    let decimals = (1 - before_point).clamp(0, 6) as usize;
+    format!("{value:.decimals$}")
 }
 
 /// A measured quantity in words.
@@ -304,7 +314,7 @@ mod tests {
             ("0.5 s ahead", "2 s ahead")
         );
         assert_eq!(pose[1].texts, ["41 mm", "6.0 mm", "5.0 mm"]);
-        assert_eq!(lines[1].1[0].texts[0], "0.200 rad/s");
+        assert_eq!(lines[1].1[0].texts[0], "0.20 rad/s");
     }
 
     #[test]

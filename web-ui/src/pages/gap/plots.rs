@@ -12,10 +12,9 @@ use egui_plot::{Bar, BarChart, HLine, LineStyle, Plot};
 
 const BAR_HEIGHT: f32 = 11.0;
 const LINE_HEIGHT: f32 = 50.0;
-const CHANNEL_WIDTH: f32 = 340.0;
-const REGION_WIDTH: f32 = 310.0;
-const REGION_HEIGHT: f32 = 170.0;
-const FLOOR_WIDTH: f32 = 470.0;
+const CHANNEL_WIDTH: f32 = 300.0;
+const REGION_WIDTH: f32 = 380.0;
+const REGION_HEIGHT: f32 = 150.0;
 
 /// Prediction error by channel and horizon: before, after, and what chance gives.
 pub fn before_after(ui: &mut Ui, report: &Report, palette: &Palette) {
@@ -42,16 +41,19 @@ pub fn before_after(ui: &mut Ui, report: &Report, palette: &Palette) {
             ui.add_space(theme::GAP);
         }
     });
-    ui.horizontal_wrapped(|ui| {
-        ui.spacing_mut().item_spacing = vec2(theme::GAP, theme::GAP);
-        for (name, lines) in data::gap_lines(report) {
-            let height = 42.0 + lines.len() as f32 * LINE_HEIGHT;
-            ui.allocate_ui(vec2(CHANNEL_WIDTH, height), |ui| {
-                ui.set_width(CHANNEL_WIDTH);
-                parts::card(ui, palette, |ui| channel(ui, &name, &lines, palette));
-            });
+    let count = columns_for(ui, CHANNEL_WIDTH);
+    ui.columns(count, |columns| {
+        for (place, (name, lines)) in data::gap_lines(report).into_iter().enumerate() {
+            let ui = &mut columns[place % count];
+            parts::card(ui, palette, |ui| channel(ui, &name, &lines, palette));
+            ui.add_space(theme::GAP / 2.0);
         }
     });
+}
+
+/// Columns of at least this width that fit.
+fn columns_for(ui: &Ui, width: f32) -> usize {
+    ((ui.available_width() / width) as usize).clamp(1, 4)
 }
 
 fn before_ink(palette: &Palette) -> Color32 {
@@ -110,21 +112,25 @@ pub fn place(
     }
     parts::section(ui, "Where they differ");
     ui.add(Label::new(&place.sentence).wrap());
-    ui.horizontal_wrapped(|ui| {
-        ui.spacing_mut().item_spacing = vec2(theme::GAP, theme::GAP);
-        if !place.floor_map.energy.is_empty() {
-            ui.allocate_ui(vec2(FLOOR_WIDTH, 10.0), |ui| {
-                ui.set_width(FLOOR_WIDTH);
-                parts::card(ui, palette, |ui| {
-                    floor(ui, state, view, report, output, palette);
-                });
+    let count = columns_for(ui, REGION_WIDTH).min(2);
+    let has_map = !place.floor_map.energy.is_empty();
+    ui.columns(count, |columns| {
+        if has_map {
+            parts::card(&mut columns[0], palette, |ui| {
+                floor(ui, state, view, report, output, palette);
             });
+            columns[0].add_space(theme::GAP / 2.0);
         }
-        for region in regions {
-            ui.allocate_ui(vec2(REGION_WIDTH, 10.0), |ui| {
-                ui.set_width(REGION_WIDTH);
-                parts::card(ui, palette, |ui| by_region(ui, region, palette));
-            });
+        for (place, region) in regions.into_iter().enumerate() {
+            // The map is as tall as two of these.
+            let column = if has_map && count > 1 {
+                place.saturating_sub(1) % 2 ^ 1
+            } else {
+                place % count
+            };
+            let ui = &mut columns[column.min(count - 1)];
+            parts::card(ui, palette, |ui| by_region(ui, region, palette));
+            ui.add_space(theme::GAP / 2.0);
         }
     });
 }
@@ -270,6 +276,19 @@ fn by_region(ui: &mut Ui, region: &Region, palette: &Palette) {
         });
 }
 
+/// A large figure in groups of three.
+fn thousands(value: f64) -> String {
+    let digits = format!("{value:.0}");
+    let mut text = String::new();
+    for (place, digit) in digits.chars().enumerate() {
+        if place > 0 && (digits.len() - place).is_multiple_of(3) {
+            text.push('\u{2009}');
+        }
+        text.push(digit);
+    }
+    text
+}
+
 /// How much an effect explains, against what chance gives.
 pub fn evidence(ui: &mut Ui, effect: &Effect, largest: f64, palette: &Palette) {
     let evidence = effect.evidence;
@@ -291,7 +310,7 @@ pub fn evidence(ui: &mut Ui, effect: &Effect, largest: f64, palette: &Palette) {
     painter.text(
         bar.right_center() + vec2(8.0, 0.0),
         Align2::LEFT_CENTER,
-        format!("evidence {:.0}", evidence.gain),
+        format!("evidence {}", thousands(evidence.gain)),
         FontId::proportional(12.5),
         palette.ink,
     );

@@ -18,7 +18,11 @@ pub fn show(ui: &mut Ui, state: &State, view: &DiagnosisView, output: &mut Outpu
     let (word, tone, explanation) = phrase::verdict(view.verdict.as_deref().unwrap_or_default());
     let headline = report.map_or_else(|| view.sentence.clone().unwrap_or_default(), phrase::headline);
     ui.add(Label::new(RichText::new(headline).size(23.0).strong()).wrap());
-    ui.horizontal_wrapped(|ui| {
+    if let Some(report) = report.filter(|report| report.verdict == "unexplained") {
+        ui.add(Label::new(RichText::new(&report.place.sentence).size(16.0)).wrap());
+    }
+    ui.add_space(theme::GAP / 2.0);
+    ui.horizontal_top(|ui| {
         parts::pill(ui, palette, word, tone);
         ui.add(Label::new(RichText::new(explanation).color(palette.faint_ink)).wrap());
     });
@@ -50,6 +54,11 @@ pub fn show(ui: &mut Ui, state: &State, view: &DiagnosisView, output: &mut Outpu
     }
 }
 
+/// The diagnosis added an effect to the model.
+fn names_something(view: &DiagnosisView) -> bool {
+    matches!(view.verdict.as_deref(), Some("confirmed" | "partial" | "ambiguous"))
+}
+
 /// Accept, go back, the next experiment, the report as a page.
 fn actions(ui: &mut Ui, state: &State, view: &DiagnosisView, output: &mut Output, palette: &Palette) {
     let size = vec2(190.0, 36.0);
@@ -61,8 +70,13 @@ fn actions(ui: &mut Ui, state: &State, view: &DiagnosisView, output: &mut Output
                 .on_hover_text("The twin uses the model that this diagnosis started from again; nothing is deleted");
             output.on_click("gap.revert", &response, Command::Gap(GapCommand::ChooseModel(back)));
         } else if view.model.is_some() {
-            let response = parts::primary_button(ui, palette, true, "Use this model", size)
-                .on_hover_text("The twin in the page and the check of new experiments use it from now on; you can go back");
+            // Without a finding the model is only calibrated: nothing to press for.
+            let response = if names_something(view) {
+                parts::primary_button(ui, palette, true, "Use this model", size)
+            } else {
+                ui.add(Button::new("Use the calibrated model").min_size(size))
+            };
+            let response = response.on_hover_text("The twin in the page and the check of new experiments use it from now on; you can go back");
             output.on_click("gap.accept", &response, Command::Gap(GapCommand::Accept(view.id)));
         }
         if view.next_why.is_some() {
@@ -94,8 +108,12 @@ fn actions(ui: &mut Ui, state: &State, view: &DiagnosisView, output: &mut Output
             format!(
                 "The model {model} is in use: Compose, the check of experiments and the gaps at the left work with it."
             )
-        } else {
+        } else if names_something(view) {
             format!("The new model is {model}. It changes nothing until you use it.")
+        } else {
+            format!(
+                "The model {model} is the robot's description calibrated with the unchanged runs, without a new effect."
+            )
         });
     }
     if let Some(why) = &view.next_why {

@@ -14,8 +14,8 @@ use egui::{
 };
 
 const SIDE_WIDTH: f32 = 420.0;
-const TICK_WIDTH: f32 = 62.0;
-const GAP_WIDTH: f32 = 74.0;
+const TICK_WIDTH: f32 = 68.0;
+const GAP_WIDTH: f32 = 70.0;
 const RUN_HEIGHT: f32 = 38.0;
 const DIAGNOSIS_HEIGHT: f32 = 46.0;
 /// Runs listed before the list scrolls by itself.
@@ -221,7 +221,9 @@ fn run_row(ui: &mut Ui, row: &data::RunRow, output: &mut Output, palette: &Palet
             ui.set_min_width(name_width);
             ui.spacing_mut().item_spacing.y = 0.0;
             ui.spacing_mut().interact_size.y = 16.0;
-            ui.add(Label::new(&row.label).selectable(false).truncate());
+            ui.set_max_width(name_width - 10.0);
+            ui.add(Label::new(&row.label).selectable(false).truncate())
+                .on_hover_text(&row.label);
             let when = RichText::new(&row.when)
                 .text_style(egui::TextStyle::Small)
                 .color(palette.faint_ink);
