@@ -6,6 +6,7 @@ use crate::health::{LinkQuality, RobotHealth};
 use crate::robot::LabRobot;
 use crate::run::{Fault, RunState};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use uuid::Uuid;
 
 /// The laboratory's own file, `robopheus.lab/1`, and the body of `POST /api/v1/lab/register`.
@@ -68,6 +69,10 @@ pub struct Assignment {
     pub arena: Arena,
     /// In the order of `experiment.robots`.
     pub robots: Vec<LabRobot>,
+    /// Model versions (`robopheus.model/1`) that the experiment was rehearsed with, by robot; the nominal twin without.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    #[cfg_attr(feature = "openapi", schema(value_type = Object))]
+    pub models: BTreeMap<String, serde_json::Value>,
     #[cfg_attr(feature = "openapi", schema(value_type = Object))]
     pub verdict: serde_json::Value,
     /// The lease holds for this long from the moment the request was sent.

@@ -4,10 +4,12 @@
 //! in documents that people write (experiments, robot descriptions, laboratory descriptions).
 
 pub mod arena;
+pub mod diagnosis;
 pub mod experiment;
 pub mod health;
 pub mod lab;
 pub mod live;
+pub mod model;
 pub mod problem;
 pub mod robot;
 pub mod run;

@@ -3,7 +3,6 @@
 //! Results go to standard output (with `--json` as one JSON document), progress and errors to standard error.
 //! Exit status: 0 done, 1 refused or failed, 2 wrong usage, 3 service out of reach, 4 damaged data.
 
-mod bundles;
 mod commands;
 mod output;
 mod settings;
@@ -53,6 +52,8 @@ enum Command {
     Simulate(commands::simulate::Arguments),
     /// Find where runs and twin disagree, name the missing effect, and write a report and a new model version
     Diagnose(commands::diagnose::Arguments),
+    /// Diagnoses in the service: start, list, show, cancel, accept, revert, next
+    Diagnoses(commands::diagnoses::Arguments),
 }
 
 fn main() {
@@ -85,5 +86,6 @@ async fn run(arguments: Arguments, output: &Output) -> anyhow::Result<()> {
         Command::Fetch(a) => commands::fetch::run(a, &settings, output).await,
         Command::Simulate(a) => commands::simulate::run(&a, output),
         Command::Diagnose(a) => commands::diagnose::run(&a, output),
+        Command::Diagnoses(a) => commands::diagnoses::run(a, &settings, output).await,
     }
 }

@@ -2,7 +2,9 @@
 
 use crate::ClientError;
 use api::arena::ArenaView;
+use api::diagnosis::{DiagnosisList, DiagnosisRequest, DiagnosisView};
 use api::experiment::{ExperimentView, SubmitRequest};
+use api::model::{ModelChoice, ModelView, RobotModel};
 use api::problem::Problem;
 use api::robot::RobotView;
 use api::run::{RunList, RunView};
@@ -75,6 +77,69 @@ impl Client {
         self.json(self.request(Method::GET, "/arenas")).await
     }
 
+    /// Asks for a diagnosis under an idempotency key.
+    pub async fn diagnosis_submit(&self, request: &DiagnosisRequest, key: &str) -> Result<DiagnosisView, ClientError> {
+        let builder = self
+            .request(Method::POST, "/diagnoses")
+            .header("idempotency-key", key)
+            .json(request);
+        self.json(builder).await
+    }
+
+    pub async fn diagnosis_get(&self, id: Uuid) -> Result<DiagnosisView, ClientError> {
+        self.json(self.request(Method::GET, &format!("/diagnoses/{id}"))).await
+    }
+
+    /// Newest first; of one robot when given.
+    pub async fn diagnosis_list(&self, robot: Option<&str>) -> Result<Vec<DiagnosisView>, ClientError> {
+        let query = robot
+            .map(|robot| format!("?robot={}", escaped(robot)))
+            .unwrap_or_default();
+        let list: DiagnosisList = self
+            .json(self.request(Method::GET, &format!("/diagnoses{query}")))
+            .await?;
+        Ok(list.diagnoses)
+    }
+
+    /// - `verb`: `cancel`, `accept` or `next-experiment`.
+    pub async fn diagnosis_post(&self, id: Uuid, verb: &str) -> Result<DiagnosisView, ClientError> {
+        self.json(self.request(Method::POST, &format!("/diagnoses/{id}/{verb}")))
+            .await
+    }
+
+    /// - `name`: `report.json` or `report.html`.
+    pub async fn diagnosis_file(&self, id: Uuid, name: &str) -> Result<Vec<u8>, ClientError> {
+        let builder = self.request(Method::GET, &format!("/diagnoses/{id}/{name}"));
+        let response = self.send(builder.timeout(CALL_TIMEOUT)).await?;
+        let url = response.url().to_string();
+        let bytes = response.bytes().await;
+        Ok(bytes
+            .map_err(|source| ClientError::Unreachable { url, source })?
+            .to_vec())
+    }
+
+    /// All model versions, newest first.
+    pub async fn model_list(&self) -> Result<Vec<ModelView>, ClientError> {
+        self.json(self.request(Method::GET, "/models")).await
+    }
+
+    /// Models of the robots that do not use the nominal twin.
+    pub async fn models_current(&self) -> Result<Vec<ModelView>, ClientError> {
+        self.json(self.request(Method::GET, "/models?current=true")).await
+    }
+
+    /// - `model`: a version or id, or `nominal`.
+    pub async fn robot_model_set(&self, robot: &str, model: &str) -> Result<RobotModel, ClientError> {
+        let choice = ModelChoice {
+            model: model.to_owned(),
+        };
+        self.json(
+            self.request(Method::PUT, &format!("/robots/{}/model", escaped(robot)))
+                .json(&choice),
+        )
+        .await
+    }
+
     pub(crate) fn request(&self, method: Method, path: &str) -> RequestBuilder {
         let builder = self
             .http
@@ -119,4 +184,16 @@ impl Client {
             },
         })
     }
+}
+
+/// A name as it may stand in an address.
+fn escaped(name: &str) -> String {
+    name.bytes().fold(String::new(), |mut text, byte| {
+        if byte.is_ascii_alphanumeric() || b"-._~".contains(&byte) {
+            text.push(char::from(byte));
+        } else {
+            text.push_str(&format!("%{byte:02X}"));
+        }
+        text
+    })
 }

@@ -315,6 +315,7 @@ fn scenario_json(name: &str, duration_s: f64, rows: &[Row]) -> String {
             floor: "lab-floor".into(),
             contents: Default::default(),
         },
+        models: Default::default(),
     };
     serde_json::to_string(&scenario).unwrap_or_default()
 }

@@ -3,6 +3,7 @@
 use serde::Serialize;
 use twin::free::RobotState;
 use twin::pose::Pose;
+use twin::robot::Robot;
 use twin::twist::BodyTwist;
 use twin::world::{Obstacle, ObstacleContact, World};
 
@@ -419,7 +420,7 @@ pub fn ticks_of(duration_s: f64) -> u64 {
 pub fn world(scenario: &Scenario) -> Result<World, Vec<FieldProblem>> {
     let arena = &scenario.arena;
     let starts = scenario.experiment.robots.iter().map(|robot| robot.start);
-    let placed = robots(scenario)?
+    let placed = modelled(scenario)?
         .into_iter()
         .zip(starts)
         .zip(&scenario.robots)
@@ -442,6 +443,30 @@ pub fn world(scenario: &Scenario) -> Result<World, Vec<FieldProblem>> {
             remedy: "correct the start poses or the laboratory's description".into(),
         }]
     })
+}
+
+/// The robots as the twin simulates them: with their model versions where there are any.
+pub fn modelled(scenario: &Scenario) -> Result<Vec<Robot>, Vec<FieldProblem>> {
+    let mut made = robots(scenario)?;
+    for (robot, lab) in made.iter_mut().zip(&scenario.robots) {
+        let description = &lab.description;
+        let Some(model) = scenario.models.get(&description.name) else {
+            continue;
+        };
+        let problem = |message: String| {
+            vec![FieldProblem {
+                field: format!("models.{}", description.name),
+                message,
+                limit: "a model version of this robot".into(),
+                remedy: "choose another version on the Gap page, or the nominal twin".into(),
+            }]
+        };
+        if model.robot.chassis != description.chassis || model.robot.wheels.len() != description.wheels.len() {
+            return Err(problem("the model is of a robot with another chassis".into()));
+        }
+        *robot = model.robot().map_err(|error| problem(error.to_string()))?;
+    }
+    Ok(made)
 }
 
 fn observe(world: &World, robots: usize, pose_age_s: f64) -> Vec<RobotObservation> {

@@ -135,6 +135,7 @@ pub fn scenario(assignment: &Assignment) -> Result<Scenario, Conclusion> {
         "experiment": assignment.experiment,
         "robots": assignment.robots,
         "arena": assignment.arena,
+        "models": assignment.models,
     });
     Scenario::from_json(&document.to_string()).map_err(refused)
 }

@@ -101,7 +101,7 @@ impl ShadowRun {
 
     fn following(assignment: &Assignment, start_us: i64) -> Result<VirtualSide, String> {
         let scenario = scenario(assignment, assignment.experiment.clone());
-        let robots = scenario.and_then(|scenario| control::team::robots(&scenario));
+        let robots = scenario.and_then(|scenario| control::rehearsal::modelled(&scenario));
         let robots = robots.map_err(|problems| first(&problems))?;
         let numbers = assignment.robots.iter().map(|robot| robot.number);
         let follower = |(number, robot)| (number, Follower::new(robot, start_us));
@@ -164,6 +164,7 @@ fn scenario(assignment: &Assignment, experiment: api::experiment::Experiment) ->
         "experiment": experiment,
         "robots": assignment.robots,
         "arena": assignment.arena,
+        "models": assignment.models,
     });
     Scenario::from_json(&document.to_string())
 }

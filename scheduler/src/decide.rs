@@ -39,7 +39,7 @@ pub fn after_rehearsal(verdict: &Verdict, claim: Option<&DigestClaim>) -> Decisi
 
 fn digest_mismatch(verdict: &Verdict, claim: &DigestClaim) -> Fault {
     let advice = if claim.twin_version == verdict.twin_version {
-        "The same version must give the same digest: please report this run."
+        "A robot's model may have changed meanwhile: let the twin run again and submit; if it happens twice, please report it."
     } else {
         "The versions differ: reload the page or update the program, then submit again."
     };

@@ -1,10 +1,11 @@
 //! The scheduler: rehearses submitted experiments in the twin and puts right what ran out.
 //!
 //! `decide` is pure policy, `claim` leases jobs and keeps their leases alive, `jobs` has one kind a file,
-//! `reap` is a reconciler without input. The process never ends because the database is away.
+//! `reap` is a reconciler without input. `diagnose` is the other program of this package, `robopheus-diagnose-worker`. The process never ends because the database is away.
 
 pub mod claim;
 pub mod decide;
+pub mod diagnose;
 pub mod jobs;
 pub mod objects;
 pub mod reap;
@@ -36,7 +37,12 @@ pub struct Config {
 
 /// Runs until told to stop.
 pub async fn run(config: Config, mut stop: Stop) -> anyhow::Result<()> {
-    let Some(store) = connect(&config, &mut stop).await else {
+    let database = Database {
+        url: config.database_url.clone(),
+        program: "robopheus-scheduler",
+        connections: u32::from(config.workers) + 3,
+    };
+    let Some(store) = connect(&database, &mut stop).await else {
         return Ok(());
     };
     let mut tasks = tokio::task::JoinSet::new();
@@ -58,17 +64,24 @@ pub async fn run(config: Config, mut stop: Stop) -> anyhow::Result<()> {
     }
 }
 
+/// Which database, as whom, with how many connections.
+pub(crate) struct Database {
+    pub url: String,
+    pub program: &'static str,
+    pub connections: u32,
+}
+
 /// Connects and migrates, for as long as it takes; `None` when told to stop meanwhile.
-async fn connect(config: &Config, stop: &mut Stop) -> Option<Store> {
+async fn connect(database: &Database, stop: &mut Stop) -> Option<Store> {
     let options = StoreOptions {
-        application_name: "robopheus-scheduler".to_owned(),
-        max_connections: u32::from(config.workers) + 3,
+        application_name: database.program.to_owned(),
+        max_connections: database.connections,
         ..StoreOptions::default()
     };
     let mut failures = 0;
     loop {
         let attempt = async {
-            let store = Store::connect(&config.database_url, options.clone()).await?;
+            let store = Store::connect(&database.url, options.clone()).await?;
             store.migrate().await?;
             Ok::<_, store::StoreError>(store)
         };
@@ -88,6 +101,6 @@ async fn connect(config: &Config, stop: &mut Stop) -> Option<Store> {
 }
 
 /// When told to stop, the loops have this long to give their jobs back.
-const STOP_LIMIT: Duration = Duration::from_secs(3);
+pub(crate) const STOP_LIMIT: Duration = Duration::from_secs(3);
 /// Longest wait for one call of the store, its own limits included.
 pub(crate) const STORE_CALL_LIMIT: Duration = Duration::from_secs(10);

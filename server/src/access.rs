@@ -43,6 +43,7 @@ const fn rule(method: &'static str, path: &'static str, roles: &'static [Role]) 
 
 const ANY: &[Role] = &Role::ALL;
 const PEOPLE: &[Role] = &[Role::User, Role::Operator];
+const OPERATORS: &[Role] = &[Role::Operator];
 const LAB: &[Role] = &[Role::Lab];
 
 /// Every route of the API. What is not here is refused; static pages are outside the API and open.
@@ -64,7 +65,21 @@ pub const RULES: &[Rule] = &[
     rule("GET", "/api/v1/runs/{id}/files/{*name}", PEOPLE),
     rule("GET", "/api/v1/robots", PEOPLE),
     rule("GET", "/api/v1/arenas", PEOPLE),
+    rule("GET", "/api/v1/robots/{robot}/model", PEOPLE),
+    // What changes the twin that everybody's experiments are checked with is for operators.
+    rule("PUT", "/api/v1/robots/{robot}/model", OPERATORS),
+    rule("GET", "/api/v1/robots/{robot}/gaps", PEOPLE),
+    rule("PUT", "/api/v1/robots/{robot}/references", OPERATORS),
     rule("GET", "/api/v1/models", PEOPLE),
+    rule("GET", "/api/v1/models/{id}", PEOPLE),
+    rule("POST", "/api/v1/diagnoses", PEOPLE),
+    rule("GET", "/api/v1/diagnoses", PEOPLE),
+    rule("GET", "/api/v1/diagnoses/{id}", PEOPLE),
+    rule("GET", "/api/v1/diagnoses/{id}/report.json", PEOPLE),
+    rule("GET", "/api/v1/diagnoses/{id}/report.html", PEOPLE),
+    rule("POST", "/api/v1/diagnoses/{id}/cancel", PEOPLE),
+    rule("POST", "/api/v1/diagnoses/{id}/accept", OPERATORS),
+    rule("POST", "/api/v1/diagnoses/{id}/next-experiment", PEOPLE),
     rule("POST", "/api/v1/lab/register", LAB),
     rule("POST", "/api/v1/lab/claim", LAB),
     rule("POST", "/api/v1/lab/status", LAB),

@@ -1,7 +1,8 @@
 //! The OpenAPI document, from the handlers' annotations.
 
 use crate::http::{
-    archives, arenas, docs, events, experiments, health, lab, lab_files, lab_stream, live, models, robots, runs,
+    archives, arenas, diagnoses, docs, events, experiments, health, lab, lab_files, lab_stream, live, models, robots,
+    runs,
 };
 use std::sync::LazyLock;
 use utoipa::OpenApi;
@@ -18,7 +19,10 @@ use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityScheme};
         health::show, docs::openapi_document,
         experiments::submit, experiments::list, experiments::show,
         runs::list, runs::show, runs::cancel, live::live, events::events, archives::archive, archives::file,
-        robots::list, arenas::list, models::list,
+        robots::list, arenas::list,
+        models::list, models::show, models::of_robot, models::choose, models::gaps, models::set_references,
+        diagnoses::submit, diagnoses::list, diagnoses::show, diagnoses::report, diagnoses::page,
+        diagnoses::cancel, diagnoses::accept, diagnoses::next_experiment,
         lab::register, lab::claim, lab::status, lab_stream::stream, lab::heartbeat, lab::state, lab::salvage, lab_files::put,
     ),
     modifiers(&Tokens),

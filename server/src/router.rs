@@ -2,8 +2,8 @@
 
 use crate::access;
 use crate::http::{
-    archives, arenas, docs, events, experiments, headers, health, lab, lab_files, lab_stream, live, models, pages,
-    problem, robots, runs,
+    archives, arenas, diagnoses, docs, events, experiments, headers, health, lab, lab_files, lab_stream, live, models,
+    pages, problem, robots, runs,
 };
 use crate::state::AppState;
 use axum::Router;
@@ -28,7 +28,24 @@ pub fn router(state: AppState) -> Router {
         .route("/api/v1/runs/{id}/files/{*name}", get(archives::file))
         .route("/api/v1/robots", get(robots::list))
         .route("/api/v1/arenas", get(arenas::list))
+        .route(
+            "/api/v1/robots/{robot}/model",
+            get(models::of_robot).put(models::choose),
+        )
+        .route("/api/v1/robots/{robot}/gaps", get(models::gaps))
+        .route("/api/v1/robots/{robot}/references", put(models::set_references))
         .route("/api/v1/models", get(models::list))
+        .route("/api/v1/models/{id}", get(models::show))
+        .route("/api/v1/diagnoses", post(diagnoses::submit).get(diagnoses::list))
+        .route("/api/v1/diagnoses/{id}", get(diagnoses::show))
+        .route("/api/v1/diagnoses/{id}/report.json", get(diagnoses::report))
+        .route("/api/v1/diagnoses/{id}/report.html", get(diagnoses::page))
+        .route("/api/v1/diagnoses/{id}/cancel", post(diagnoses::cancel))
+        .route("/api/v1/diagnoses/{id}/accept", post(diagnoses::accept))
+        .route(
+            "/api/v1/diagnoses/{id}/next-experiment",
+            post(diagnoses::next_experiment),
+        )
         // Laboratories
         .route("/api/v1/lab/register", post(lab::register))
         .route("/api/v1/lab/claim", post(lab::claim))

@@ -63,6 +63,7 @@ impl Store {
             }
         }
         insert_experiment(&mut transaction, experiment_id, user, &submission).await?;
+        insert_models(&mut transaction, experiment_id, &submission.experiment).await?;
         let run_id = Uuid::now_v7();
         insert_run(&mut transaction, run_id, experiment_id, user, &submission.experiment).await?;
         sqlx::query("INSERT INTO jobs (id, kind, run_id) VALUES ($1, 'rehearse', $2)")
@@ -198,6 +199,25 @@ const fn side_of(mode: Mode) -> Side {
         Mode::Physical | Mode::Interactive => Side::Physical,
         Mode::Virtual => Side::Virtual,
     }
+}
+
+/// Fixes the models that the experiment is rehearsed with: those named, else those that are current.
+async fn insert_models(connection: &mut PgConnection, id: Uuid, experiment: &Experiment) -> Result<()> {
+    let robot_names: Vec<&str> = experiment.robots.iter().map(|robot| robot.name.as_str()).collect();
+    sqlx::query(
+        "INSERT INTO experiment_models (experiment_id, robot, model_id)
+         SELECT $1, n.robot, coalesce(m.id, current_model(n.robot, $3)) FROM (SELECT DISTINCT unnest($2::text[]) AS robot) n
+         LEFT JOIN models m ON m.robot = n.robot AND (m.version = $4 OR m.id::text = $4)
+         WHERE $4::text IS DISTINCT FROM $5 AND coalesce(m.id, current_model(n.robot, $3)) IS NOT NULL",
+    )
+    .bind(id)
+    .bind(robot_names)
+    .bind(&experiment.floor)
+    .bind(&experiment.model)
+    .bind(api::diagnosis::NOMINAL)
+    .execute(connection)
+    .await?;
+    Ok(())
 }
 
 async fn insert_run(

@@ -28,6 +28,25 @@ struct RehearsalRow {
     contents: Option<String>,
 }
 
+/// Model versions that the run's experiment was rehearsed with, by robot.
+pub(crate) async fn models_of(
+    connection: &mut PgConnection,
+    run_id: Uuid,
+) -> Result<BTreeMap<String, serde_json::Value>> {
+    let models: Vec<(String, String)> = sqlx::query_as(
+        "SELECT x.robot, m.document::text FROM experiment_models x JOIN models m ON m.id = x.model_id
+         JOIN runs r ON r.experiment_id = x.experiment_id WHERE r.id = $1",
+    )
+    .bind(run_id)
+    .fetch_all(connection)
+    .await?;
+    let read = |(robot, text): (String, String)| {
+        let document = serde_json::from_str(&text).map_err(StoreError::corrupt("model"))?;
+        Ok((robot, document))
+    };
+    models.into_iter().map(read).collect()
+}
+
 impl Store {
     /// Leases the oldest job of a kind that is ready.
     pub async fn job_claim(&self, kind: &str, worker: Uuid, lease: Duration) -> Result<Option<JobLease>> {
@@ -126,6 +145,7 @@ impl Store {
         let Some(row) = row else { return Ok(None) };
         let experiment: Experiment = serde_json::from_str(&row.document).map_err(StoreError::corrupt("experiment"))?;
         let (robots, robots_missing) = self.robots_of(&experiment).await?;
+        let models = models_of(&mut *self.pool.acquire().await?, run_id).await?;
         Ok(Some(RehearsalInput {
             run_id,
             arena: row.arena()?,
@@ -133,6 +153,7 @@ impl Store {
             experiment,
             robots,
             robots_missing,
+            models,
         }))
     }
 

@@ -2,6 +2,7 @@
 
 use crate::connect::Store;
 use crate::error::{Result, StoreError, seconds};
+use crate::job::models_of;
 use crate::laboratory::{contents_of, hold_arena};
 use crate::outcome::{Beat, Claim, ClaimedRun, Fence, Reported, Salvaged};
 use crate::run::{LockedRun, lock_run, move_run};
@@ -55,7 +56,9 @@ impl Store {
         .bind(&taken.robot_names)
         .fetch_all(&mut *transaction)
         .await?;
+        let models = models_of(&mut transaction, taken.id).await?;
         let claimed = ClaimedRun {
+            models,
             run_id: taken.id,
             epoch: taken.epoch,
             experiment: serde_json::from_str(&taken.document).map_err(StoreError::corrupt("experiment"))?,

@@ -8,6 +8,8 @@
 //! first and skips locked runs, so it never waits for one.
 
 mod connect;
+mod diagnosis;
+mod diagnosis_job;
 mod error;
 mod experiment;
 mod identity;
@@ -21,6 +23,7 @@ mod reap;
 mod robot_health;
 mod run;
 mod run_file;
+mod run_gap;
 mod run_view;
 mod state;
 mod waiting;
@@ -31,8 +34,11 @@ mod waiting;
 pub mod testing;
 
 pub use connect::{Store, StoreOptions};
+pub use diagnosis::DIAGNOSES_OPEN_MOST;
+pub use diagnosis_job::DIAGNOSIS_ATTEMPTS;
 pub use error::{Result, StoreError};
 pub use outcome::*;
+pub use run_gap::{GAP_HORIZON_S, GAP_MARGIN, GAP_REFERENCES_LEAST};
 
 /// Attempts of a run that never moved, before it fails.
 pub const RUN_ATTEMPTS: i32 = 3;

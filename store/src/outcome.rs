@@ -1,13 +1,15 @@
 //! What the store takes and what it answers, apart from the wire views of `api`.
 
 use api::arena::Arena;
+use api::diagnosis::{DiagnosisOrigin, DiagnosisState, DiagnosisView};
 use api::experiment::{DigestClaim, Experiment, ExperimentView};
 use api::lab::Side;
+use api::model::HorizonGap;
 use api::robot::LabRobot;
 use api::run::{Fault, RunState};
 use api::verdict::Verdict;
-use chrono::{DateTime, Utc};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use uuid::Uuid;
 
 /// What a token allows.
@@ -104,6 +106,8 @@ pub struct ClaimedRun {
     pub arena: Arena,
     /// In the order of `experiment.robots`.
     pub robots: Vec<LabRobot>,
+    /// Model versions that it was rehearsed with, by robot.
+    pub models: BTreeMap<String, serde_json::Value>,
     pub verdict: serde_json::Value,
     pub lease_s: f64,
 }
@@ -224,6 +228,8 @@ pub struct RehearsalInput {
     /// Names that the arena does not have.
     pub robots_missing: Vec<String>,
     pub claim: Option<DigestClaim>,
+    /// `robopheus.model/1` of the robots that are not nominal.
+    pub models: BTreeMap<String, serde_json::Value>,
 }
 
 /// Limits of the reconciler.
@@ -251,16 +257,110 @@ pub enum Reaped {
     },
 }
 
-/// A published model of a robot on a floor.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Model {
+/// A diagnosis as the server received and checked it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct NewDiagnosis {
+    /// Name of the person; made when unknown.
+    pub user: String,
+    pub robot: String,
+    pub arena: String,
+    pub floor: String,
+    pub origin: DiagnosisOrigin,
+    /// The nominal twin when absent.
+    pub parent_model: Option<Uuid>,
+    pub reference_runs: Vec<Uuid>,
+    pub changed_runs: Vec<Uuid>,
+    pub locked_runs: Vec<Uuid>,
+    pub idempotency_key: Option<String>,
+    /// SHA-256 of the request body.
+    pub request_hash: [u8; 32],
+}
+
+/// Answer to a request for a diagnosis.
+#[derive(Debug, Clone, PartialEq)]
+pub enum DiagnosisSubmitted {
+    Created(DiagnosisView),
+    /// The same request was stored before; this is that diagnosis.
+    Replayed(DiagnosisView),
+    /// The key was used with another body in the last 24 h.
+    Conflict,
+    /// So many of this robot wait or run that no more is taken.
+    TooMany {
+        open: i64,
+    },
+}
+
+/// Answer to a request to cancel a diagnosis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DiagnosisCancelled {
+    AtOnce,
+    /// The worker was asked to stop; asking again is harmless.
+    Requested,
+    Ended(DiagnosisState),
+    Unknown,
+}
+
+/// A diagnosis, leased to one worker.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DiagnosisLease {
     pub id: Uuid,
-    pub version: String,
+    /// Fences every write of the worker; grows with every claim.
+    pub attempt: i32,
+    /// 1 for the first try.
+    pub tries: i32,
+    pub worker: Uuid,
     pub robot: String,
     pub floor: String,
-    pub created_at: DateTime<Utc>,
-    pub document: serde_json::Value,
+    /// Document of the model that should explain the runs; the nominal twin when absent.
+    pub parent_model: Option<String>,
+    /// By role, in the order in which they were named.
+    pub runs: Vec<DiagnosisRun>,
 }
+
+/// A run of a diagnosis.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct DiagnosisRun {
+    pub run: Uuid,
+    /// `reference`, `changed` or `locked`.
+    pub role: String,
+}
+
+/// Answer to a diagnosis' heartbeat.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DiagnosisBeat {
+    Ok {
+        cancel_requested: bool,
+    },
+    /// The lease is gone: stop, nothing will be written.
+    Stale,
+}
+
+/// What a diagnosis found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DiagnosisRecord {
+    pub verdict: String,
+    pub sentence: String,
+    pub next_why: Option<String>,
+    /// `report.json`.
+    pub report: String,
+    /// `report.html`, already durable in the object folder.
+    pub page: FileRecord,
+    /// `robopheus.model/1`, with its id.
+    pub model: serde_json::Value,
+}
+
+/// A finished run whose gap is not known yet.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct GapWork {
+    pub run: Uuid,
+    pub robot: String,
+    /// The nominal twin when absent.
+    pub model: Option<Uuid>,
+    pub document: Option<String>,
+}
+
+/// The gap of a run at its horizons, or why there is none.
+pub type MeasuredGap = std::result::Result<Vec<HorizonGap>, String>;
 
 /// Something changed; a hint only, the truth is in the tables.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -127,7 +127,7 @@ fn next_look_s(state: &State) -> f32 {
     }
 }
 
-/// 1 to 5 switch pages, space plays and pauses, Ctrl+Enter submits.
+/// 1 to 6 switch pages, space plays and pauses, Ctrl+Enter submits.
 fn keys(context: &Context, page: Page) -> Vec<Command> {
     let mut commands = Vec::new();
     if page == Page::Compose && context.input_mut(|i| i.consume_key(Modifiers::COMMAND, Key::Enter)) {
@@ -136,10 +136,8 @@ fn keys(context: &Context, page: Page) -> Vec<Command> {
     if context.text_edit_focused() || context.egui_wants_keyboard_input() {
         return commands;
     }
-    for (key, page) in [Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num5]
-        .into_iter()
-        .zip(Page::ALL)
-    {
+    let digits = [Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num5, Key::Num6];
+    for (key, page) in digits.into_iter().zip(Page::ALL) {
         if context.input_mut(|i| i.consume_key(Modifiers::NONE, key)) {
             commands.push(Command::ShowPage(page));
         }

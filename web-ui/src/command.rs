@@ -60,6 +60,29 @@ pub enum Command {
         url: String,
         file_name: String,
     },
+    Gap(GapCommand),
+}
+
+/// What a person did on the Gap page.
+#[derive(Debug, Clone, PartialEq)]
+pub enum GapCommand {
+    ChooseRobot(String),
+    /// Tick a run as unchanged, or not.
+    ToggleReference(Uuid),
+    /// Tick a run as changed, or not.
+    ToggleChanged(Uuid),
+    KeepReferences,
+    Start,
+    /// Show a diagnosis; none: prepare a new one.
+    Open(Option<Uuid>),
+    Cancel(Uuid),
+    Accept(Uuid),
+    /// Submit the experiment that the report proposes.
+    Next(Uuid),
+    /// Give the robot another model: a version, or `nominal`.
+    ChooseModel(String),
+    /// The report as a page of its own.
+    OpenPage(Uuid),
 }
 
 /// What arrived from the server, the worker or the live connection.
@@ -112,6 +135,16 @@ pub enum Request {
     Replay(Uuid),
     Track(Uuid),
     Submit,
+    Models,
+    Gaps(String),
+    RobotModel(String),
+    Diagnoses,
+    Report(Uuid),
+    StartDiagnosis,
+    /// A verb of a diagnosis: `cancel`, `accept` or `next-experiment`.
+    Diagnosis(Uuid, &'static str),
+    ChooseModel(String),
+    KeepReferences(String),
 }
 
 /// How a REST call ended. `Err` holds the words of the browser when no answer came at all.
@@ -148,6 +181,8 @@ pub enum Effect {
         file_name: String,
     },
     SetAddress(String),
+    /// Opens an address of this service beside the dashboard.
+    OpenBeside(String),
     StoreTheme {
         dark: bool,
     },

@@ -13,12 +13,15 @@
 //!   `compose.label`, `compose.duration`, `compose.seed`, `compose.parameter.<key>`, `compose.parameters.reset`,
 //!   `compose.json` (opens the document), `compose.json.copy`, `compose.arena` (the floor),
 //!   `compose.robot.<i>` (start pose, drag), `compose.robot.<i>.yaw` (handle), `compose.target.<i>` (drag),
-//!   `compose.play`, `compose.seek`, `compose.speed`, `compose.finding.<i>`, `compose.problem.<i>`, `compose.submit`
+//!   `compose.models`, `compose.play`, `compose.seek`, `compose.speed`, `compose.finding.<i>`, `compose.problem.<i>`, `compose.submit`
 //! * Queue: `queue.row.<run id>` (opens), `queue.cancel.<run id>`, `queue.cancel.yes`, `queue.cancel.no`, `queue.compose`
 //! * Live: `live.arena`, `live.open`, `live.compose`
 //! * Run: `run.arena`, `run.plot`, `run.play`, `run.seek`, `run.speed`, `run.live`, `run.cancel`, `run.finding.<i>`,
 //!   `run.download.archive`, `run.download.<file name>`
 //! * Robots: `robots.row.<name>`
+//! * Gap: `gap.robot.<name>`, `gap.run.<run id>.same`, `gap.run.<run id>.changed`, `gap.keep`, `gap.start`, `gap.new`,
+//!   `gap.row.<diagnosis id>`, `gap.cancel`, `gap.accept`, `gap.revert`, `gap.back`, `gap.follow`, `gap.next`, `gap.next.run`, `gap.page`,
+//!   `gap.floor`, `gap.elsewhere`
 
 #[cfg(target_arch = "wasm32")]
 pub mod app;
@@ -33,6 +36,7 @@ pub mod pages;
 pub mod parameters;
 #[cfg(target_arch = "wasm32")]
 pub mod platform;
+pub mod report;
 pub mod scenario;
 pub mod state;
 pub mod theme;

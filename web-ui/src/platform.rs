@@ -49,6 +49,12 @@ impl Platform {
                     let _set = window.location().set_hash(&address);
                 }
             }
+            Effect::OpenBeside(address) => {
+                if let Some(window) = web_sys::window() {
+                    // A browser that opens no second page says so itself.
+                    let _opened = window.open_with_url_and_target(&address, "_blank");
+                }
+            }
             Effect::StoreTheme { dark } => {
                 if let Some(storage) = storage() {
                     let _stored = storage.set_item(THEME_KEY, if dark { "dark" } else { "light" });

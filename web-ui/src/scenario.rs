@@ -3,9 +3,11 @@
 use crate::state::Lab;
 use api::arena::Arena;
 use api::experiment::Experiment;
+use api::model::ModelView;
 use api::problem::FieldProblem;
 use api::robot::LabRobot;
 use serde::Serialize;
+use std::collections::BTreeMap;
 
 #[derive(Serialize)]
 struct Scenario<'a> {
@@ -13,9 +15,24 @@ struct Scenario<'a> {
     /// In the order of `experiment.robots`.
     robots: Vec<&'a LabRobot>,
     arena: &'a Arena,
+    /// Documents of the robots that are not nominal.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    models: BTreeMap<&'a str, &'a serde_json::Value>,
 }
 
-/// `{"experiment", "robots", "arena"}` as the twin reads it, or the names the laboratory does not know.
+/// The models that the service will rehearse with, too: those in use on the experiment's floor.
+pub fn models_of<'a>(experiment: &Experiment, lab: &'a Lab) -> BTreeMap<&'a str, &'a ModelView> {
+    let takes_part = |model: &&ModelView| experiment.robots.iter().any(|robot| robot.name == model.robot);
+    lab.models
+        .iter()
+        .flatten()
+        .filter(|model| model.floor == experiment.floor && experiment.model.is_none())
+        .filter(takes_part)
+        .map(|model| (model.robot.as_str(), model))
+        .collect()
+}
+
+/// `{"experiment", "robots", "arena", "models"}` as the twin reads it, or the names the laboratory does not know.
 pub fn scenario_json(experiment: &Experiment, lab: &Lab) -> Result<String, Vec<FieldProblem>> {
     let mut problems = Vec::new();
     let mut robots = Vec::new();
@@ -44,6 +61,10 @@ pub fn scenario_json(experiment: &Experiment, lab: &Lab) -> Result<String, Vec<F
             experiment,
             robots,
             arena,
+            models: models_of(experiment, lab)
+                .into_iter()
+                .map(|(robot, model)| (robot, &model.document))
+                .collect(),
         })
         .expect("a scenario has string keys")),
         _ => Err(problems),

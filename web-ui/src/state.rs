@@ -1,16 +1,19 @@
 //! Plain data: everything the dashboard knows. Only `update/` changes it.
 
 use crate::command::Request;
+use crate::report::Report;
 use api::arena::{Arena, ArenaView};
+use api::diagnosis::DiagnosisView;
 use api::experiment::Experiment;
 use api::lab::LabDescription;
 use api::live::LiveFrame;
+use api::model::{ModelView, RobotGaps, RobotModel};
 use api::problem::FieldProblem;
 use api::robot::{LabRobot, RobotView};
 use api::run::{RunState, RunView};
 use api::verdict::{Replay, Verdict};
 use chrono::{DateTime, Utc};
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use uuid::Uuid;
 
 /// Position in `experiment.robots`.
@@ -25,11 +28,19 @@ pub enum Page {
     Live,
     Run,
     Robots,
+    Gap,
 }
 
 impl Page {
-    /// In the order of the keys 1 to 5.
-    pub const ALL: [Self; 5] = [Self::Compose, Self::Queue, Self::Live, Self::Run, Self::Robots];
+    /// In the order of the keys 1 to 6.
+    pub const ALL: [Self; 6] = [
+        Self::Compose,
+        Self::Queue,
+        Self::Live,
+        Self::Run,
+        Self::Robots,
+        Self::Gap,
+    ];
 
     pub const fn name(self) -> &'static str {
         match self {
@@ -38,6 +49,7 @@ impl Page {
             Self::Live => "live",
             Self::Run => "run",
             Self::Robots => "robots",
+            Self::Gap => "gap",
         }
     }
 
@@ -48,6 +60,7 @@ impl Page {
             Self::Live => "Live",
             Self::Run => "Run",
             Self::Robots => "Robots",
+            Self::Gap => "Gap",
         }
     }
 }
@@ -121,6 +134,7 @@ pub struct State {
     pub queue: Queue,
     pub live: Live,
     pub run: Run,
+    pub gap: Gap,
     pub toasts: VecDeque<Toast>,
     pub next_toast: u64,
     /// The last message that was shown as an error.
@@ -144,6 +158,8 @@ pub struct Lab {
     /// From the server; `None` until it answered.
     pub robots: Option<Vec<RobotView>>,
     pub arenas: Option<Vec<ArenaView>>,
+    /// Models that robots use now; `None` until the server answered.
+    pub models: Option<Vec<ModelView>>,
     /// The reference laboratory, used until the server has told its own.
     pub reference: LabDescription,
 }
@@ -323,6 +339,45 @@ impl Recording {
     }
 }
 
+/// The Gap page: runs of a robot against its twin, and diagnoses of the difference.
+#[derive(Debug, Clone, Default)]
+pub struct Gap {
+    pub robot: Option<String>,
+    /// Finished runs of the robot; `None` until the server answered.
+    pub gaps: Option<RobotGaps>,
+    pub model: Option<RobotModel>,
+    /// Diagnoses of all robots, newest first; `None` until the server answered.
+    pub diagnoses: Option<Vec<DiagnosisView>>,
+    /// Runs ticked as unchanged; those that the server keeps until the person ticks another way.
+    pub references: BTreeSet<Uuid>,
+    pub references_touched: bool,
+    /// Runs ticked as changed.
+    pub changed: BTreeSet<Uuid>,
+    /// The diagnosis that is shown; none: a new one is prepared.
+    pub selected: Option<Uuid>,
+    pub report: ReportState,
+    pub asking: bool,
+    pub refusal: Option<Refusal>,
+    /// Base of the idempotency keys, with the number of requests made.
+    pub requests: u32,
+}
+
+impl Gap {
+    pub fn shown(&self) -> Option<&DiagnosisView> {
+        let id = self.selected?;
+        self.diagnoses.as_deref()?.iter().find(|one| one.id == id)
+    }
+}
+
+/// The report of the diagnosis that is shown, on its way from the server.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub enum ReportState {
+    #[default]
+    Unknown,
+    Missing(String),
+    Here(Box<Report>),
+}
+
 #[derive(Debug, Clone, PartialEq)]
 pub struct Toast {
     pub id: u64,
@@ -343,6 +398,7 @@ impl State {
             lab: Lab {
                 robots: None,
                 arenas: None,
+                models: None,
                 reference: serde_json::from_str(include_str!("../../examples/lab/reference.json"))
                     .expect("embedded laboratory is valid; a test reads it"),
             },
@@ -365,6 +421,7 @@ impl State {
             queue: Queue::default(),
             live: Live::default(),
             run: Run::default(),
+            gap: Gap::default(),
             toasts: VecDeque::new(),
             next_toast: 0,
             last_error: None,

@@ -11,7 +11,8 @@ use crate::paths;
 /// Which package may depend directly on which others of the workspace.
 const EDGES: &[(&str, &[&str])] = &[
     ("api", &[]),
-    ("client", &["api", "control", "identify", "twin"]),
+    ("bundles", &["identify"]),
+    ("client", &["api", "bundles", "control", "identify", "twin"]),
     ("control", &["twin"]),
     // The laboratory in virtual time: its own code against the plant.
     (
@@ -23,7 +24,7 @@ const EDGES: &[(&str, &[&str])] = &[
     ("lab", &["api", "control", "localise", "robot", "twin"]),
     ("localise", &[]),
     ("robot", &[]),
-    ("scheduler", &["api", "control", "identify", "store", "twin"]),
+    ("scheduler", &["api", "bundles", "control", "identify", "store", "twin"]),
     ("server", &["api", "control", "store", "twin"]),
     ("sim-wasm", &["control", "twin"]),
     ("store", &["api"]),

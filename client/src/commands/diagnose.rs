@@ -1,6 +1,5 @@
 //! `robopheus diagnose`
 
-use crate::bundles;
 use crate::output::{Output, Unsuccessful};
 use anyhow::{Context, ensure};
 use identify::diagnose::{Input, Run, diagnose};

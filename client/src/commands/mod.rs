@@ -2,6 +2,7 @@
 
 pub mod cancel;
 pub mod diagnose;
+pub mod diagnoses;
 pub mod fetch;
 pub mod login;
 pub mod runs;

@@ -22,8 +22,8 @@ pub struct Arguments {
 }
 
 pub async fn run(arguments: Arguments, settings: &Settings, output: &Output) -> anyhow::Result<()> {
-    let (robots, arena) = validate::laboratory_from_service(settings, &arguments.experiment).await?;
-    let rehearsed = validate::rehearse(&arguments.experiment, &robots, &arena)?;
+    let laboratory = validate::laboratory_from_service(settings, &arguments.experiment).await?;
+    let rehearsed = validate::rehearse(&arguments.experiment, &laboratory)?;
     if !rehearsed.verdict.accepted {
         let text = validate::verdict_text(&rehearsed.verdict);
         return Err(Unsuccessful(format!("not sent, the twin rejects it: {text}")).into());

@@ -4,10 +4,13 @@ use crate::output::{Output, Unsuccessful};
 use crate::settings::Settings;
 use anyhow::{Context, bail};
 use api::arena::Arena;
+use api::diagnosis::NOMINAL;
 use api::experiment::Experiment;
 use api::lab::LabDescription;
+use api::model::ModelView;
 use api::robot::LabRobot;
 use api::verdict::{Replay, Verdict};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 #[derive(clap::Args)]
@@ -30,11 +33,11 @@ pub struct Rehearsed {
 }
 
 pub async fn run(arguments: Arguments, settings: &Settings, output: &Output) -> anyhow::Result<()> {
-    let (robots, arena) = match &arguments.lab {
+    let laboratory = match &arguments.lab {
         Some(path) => laboratory_from_file(path)?,
         None => laboratory_from_service(settings, &arguments.experiment).await?,
     };
-    let rehearsed = rehearse(&arguments.experiment, &robots, &arena)?;
+    let rehearsed = rehearse(&arguments.experiment, &laboratory)?;
     if let Some(path) = &arguments.replay {
         std::fs::write(path, serde_json::to_vec(&rehearsed.replay)?)
             .with_context(|| format!("cannot write {}", path.display()))?;
@@ -46,16 +49,23 @@ pub async fn run(arguments: Arguments, settings: &Settings, output: &Output) -> 
     }
 }
 
-/// Runs an experiment document in the twin.
-///
-/// - `robots`: all robots of the laboratory.
-pub fn rehearse(path: &Path, robots: &[LabRobot], arena: &Arena) -> anyhow::Result<Rehearsed> {
+/// What an experiment is rehearsed with.
+pub struct Laboratory {
+    pub robots: Vec<LabRobot>,
+    pub arena: Arena,
+    /// Models that robots use now.
+    pub models: Vec<ModelView>,
+}
+
+/// Runs an experiment document in the twin, as the service will.
+pub fn rehearse(path: &Path, laboratory: &Laboratory) -> anyhow::Result<Rehearsed> {
     let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
     let experiment: Experiment = serde_json::from_str(&text).with_context(|| format!("{}", path.display()))?;
     let scenario = serde_json::json!({
         "experiment": experiment,
-        "robots": robots_of(&experiment, robots),
-        "arena": arena,
+        "robots": robots_of(&experiment, &laboratory.robots),
+        "arena": laboratory.arena,
+        "models": models_of(&experiment, &laboratory.models),
     });
     let outcome = match control::rehearsal::rehearse_json(&scenario.to_string()) {
         Ok(outcome) => outcome,
@@ -85,14 +95,31 @@ fn robots_of(experiment: &Experiment, robots: &[LabRobot]) -> Vec<LabRobot> {
         .collect()
 }
 
-fn laboratory_from_file(path: &Path) -> anyhow::Result<(Vec<LabRobot>, Arena)> {
+/// The models that are current on the experiment's floor, by robot; none when it asks for the nominal twin.
+fn models_of<'a>(experiment: &Experiment, models: &'a [ModelView]) -> BTreeMap<&'a str, &'a serde_json::Value> {
+    let wanted = |model: &&ModelView| {
+        let takes_part = experiment.robots.iter().any(|robot| robot.name == model.robot);
+        takes_part && model.floor == experiment.floor && experiment.model.as_deref() != Some(NOMINAL)
+    };
+    models
+        .iter()
+        .filter(wanted)
+        .map(|model| (model.robot.as_str(), &model.document))
+        .collect()
+}
+
+fn laboratory_from_file(path: &Path) -> anyhow::Result<Laboratory> {
     let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
     let lab: LabDescription = serde_json::from_str(&text).with_context(|| format!("{}", path.display()))?;
-    Ok((lab.robots, lab.arena))
+    Ok(Laboratory {
+        robots: lab.robots,
+        arena: lab.arena,
+        models: Vec::new(),
+    })
 }
 
 /// Robots and arena as the service has them, for the arena that the document names.
-pub async fn laboratory_from_service(settings: &Settings, document: &Path) -> anyhow::Result<(Vec<LabRobot>, Arena)> {
+pub async fn laboratory_from_service(settings: &Settings, document: &Path) -> anyhow::Result<Laboratory> {
     let text = std::fs::read_to_string(document).with_context(|| format!("cannot read {}", document.display()))?;
     let experiment: Experiment = serde_json::from_str(&text).with_context(|| format!("{}", document.display()))?;
     let client = settings.client()?;
@@ -110,7 +137,20 @@ pub async fn laboratory_from_service(settings: &Settings, document: &Path) -> an
         .into_iter()
         .filter(|robot| robot.arena == experiment.arena)
         .map(|view| view.robot);
-    Ok((here.collect(), view.arena))
+    let mut models = client.models_current().await?;
+    if let Some(named) = experiment.model.as_deref().filter(|model| *model != NOMINAL) {
+        let mut all = client.model_list().await?.into_iter();
+        // One that does not exist is refused by the service, which lists those that do.
+        if let Some(model) = all.find(|model| model.version == named || model.id.to_string() == named) {
+            models.retain(|other| other.robot != model.robot);
+            models.push(model);
+        }
+    }
+    Ok(Laboratory {
+        robots: here.collect(),
+        arena: view.arena,
+        models,
+    })
 }
 
 pub fn verdict_text(verdict: &Verdict) -> String {

@@ -5,6 +5,8 @@ mod json;
 mod targets;
 
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use twin::model_document::ModelDocument;
 use twin::robot::RobotDescription;
 use twin::world::{Arena, Contents};
 
@@ -39,6 +41,10 @@ pub struct Scenario {
     /// The laboratory's robots that the experiment names, in the order of `experiment.robots`.
     pub robots: Vec<ScenarioRobot>,
     pub arena: ScenarioArena,
+    /// Model versions that the twin simulates robots with, by robot; a robot without one is nominal. The laws and the
+    /// safety filter always work with the laboratory's descriptions, as they do on the floor.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub models: BTreeMap<String, ModelDocument>,
 }
 
 /// `robopheus.experiment/1`.

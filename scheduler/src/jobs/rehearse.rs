@@ -11,6 +11,7 @@ use api::verdict::{Replay, Verdict};
 use control::rehearsal::{Outcome, Rehearsal};
 use control::scenario::{FieldProblem, Scenario};
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -38,6 +39,7 @@ struct ScenarioDocument<'a> {
     experiment: &'a api::experiment::Experiment,
     robots: &'a [api::robot::LabRobot],
     arena: &'a api::arena::Arena,
+    models: &'a BTreeMap<String, serde_json::Value>,
 }
 
 enum Rehearsed {
@@ -98,6 +100,7 @@ fn scenario_json(input: &RehearsalInput, job: &JobLease) -> Result<String, Box<E
         experiment: &input.experiment,
         robots: &input.robots,
         arena,
+        models: &input.models,
     };
     serde_json::to_string(&document).map_err(|error| Box::new(unexpected(job, &error.into())))
 }

@@ -4,11 +4,13 @@ use super::error::AppError;
 use super::runs::owner_filter;
 use crate::access::Principal;
 use api::arena::ArenaView;
+use api::diagnosis::NOMINAL;
 use api::experiment::{ExperimentView, SubmitRequest};
+use api::model::ModelView;
 use api::problem::FieldProblem;
 use api::robot::RobotView;
 use control::scenario::Scenario;
-use store::{Model, NewSubmission, Store, Submitted};
+use store::{NewSubmission, Store, Submitted};
 use uuid::Uuid;
 
 /// Longest label.
@@ -52,7 +54,7 @@ pub async fn submit(store: &Store, principal: &Principal, submission: Submission
         arenas: store.arena_list().await?,
     };
     let models = if request.experiment.model.is_some() {
-        store.model_list().await?
+        store.model_list(None).await?
     } else {
         Vec::new()
     };
@@ -122,7 +124,7 @@ struct Laboratory {
 }
 
 /// Every rule that the submission breaks; paths are those of the experiment document.
-fn problems(request: &SubmitRequest, laboratory: &Laboratory, models: &[Model]) -> Vec<FieldProblem> {
+fn problems(request: &SubmitRequest, laboratory: &Laboratory, models: &[ModelView]) -> Vec<FieldProblem> {
     let mut found = Vec::new();
     check_envelope(request, &mut found);
     check_offer(request, models, &mut found);
@@ -173,23 +175,29 @@ fn check_envelope(request: &SubmitRequest, found: &mut Vec<FieldProblem>) {
 }
 
 /// What the service has.
-fn check_offer(request: &SubmitRequest, models: &[Model], found: &mut Vec<FieldProblem>) {
+fn check_offer(request: &SubmitRequest, models: &[ModelView], found: &mut Vec<FieldProblem>) {
     let experiment = &request.experiment;
-    if let Some(wanted) = &experiment.model
+    let takes_part = |model: &&ModelView| experiment.robots.iter().any(|robot| robot.name == model.robot);
+    if let Some(wanted) = experiment.model.as_ref().filter(|wanted| *wanted != NOMINAL)
         && !models
             .iter()
+            .filter(takes_part)
             .any(|model| &model.version == wanted || model.id.to_string() == *wanted)
     {
-        let known: Vec<_> = models.iter().map(|model| model.version.as_str()).collect();
+        let known: Vec<_> = models
+            .iter()
+            .filter(takes_part)
+            .map(|model| model.version.as_str())
+            .collect();
         found.push(problem(
             "model",
             format!("there is no model {wanted:?}"),
             if known.is_empty() {
-                "null (no model is published yet)".to_owned()
+                "null, nominal (these robots have no model version yet)".to_owned()
             } else {
-                format!("null, {}", known.join(", "))
+                format!("null, nominal, {}", known.join(", "))
             },
-            "leave it null for the nominal twin",
+            "leave it null for the current models of the robots",
         ));
     }
 }

@@ -166,6 +166,7 @@ fn assignment(run: ClaimedRun) -> Assignment {
         experiment: run.experiment,
         arena: run.arena,
         robots: run.robots,
+        models: run.models,
         verdict: run.verdict,
         lease_s: run.lease_s,
     }

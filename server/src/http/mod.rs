@@ -3,6 +3,7 @@
 pub mod archives;
 pub mod arenas;
 pub mod body;
+pub mod diagnoses;
 pub mod docs;
 pub mod events;
 pub mod experiments;

@@ -1,39 +1,95 @@
-//! `/models`.
+//! `/models`, and the model and gaps of a robot.
 
+use super::body::JsonBody;
+use super::params::{Id, QueryOf, RobotName};
 use super::problem::ApiError;
-use crate::app::error::AppError;
+use crate::access::Principal;
+use crate::app::models;
 use crate::state::AppState;
-use axum::Json;
+use api::model::{ModelChoice, ModelView, ReferencesRequest, RobotGaps, RobotModel};
+use api::problem::Problem;
 use axum::extract::State;
-use chrono::{DateTime, Utc};
-use serde::Serialize;
-use utoipa::ToSchema;
-use uuid::Uuid;
+use axum::{Extension, Json};
+use serde::Deserialize;
+use utoipa::IntoParams;
 
-/// A published model version of a robot on a floor.
-#[derive(Debug, Serialize, ToSchema)]
-pub struct ModelView {
-    pub id: Uuid,
-    pub version: String,
-    pub robot: String,
-    pub floor: String,
-    pub created_at: DateTime<Utc>,
-    /// `robopheus.model/1`.
-    #[schema(value_type = Object)]
-    pub document: serde_json::Value,
+/// Which models are wanted.
+#[derive(Debug, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub struct Wanted {
+    /// Only of this robot.
+    robot: Option<String>,
+    /// Only those that robots use now.
+    #[serde(default)]
+    current: bool,
 }
 
-/// Published model versions.
-#[utoipa::path(get, path = "/api/v1/models", tag = "laboratory", responses((status = 200, body = Vec<ModelView>)))]
-pub async fn list(State(state): State<AppState>) -> Result<Json<Vec<ModelView>>, ApiError> {
-    let models = state.store().model_list().await.map_err(AppError::from)?;
-    let view = |model: store::Model| ModelView {
-        id: model.id,
-        version: model.version,
-        robot: model.robot,
-        floor: model.floor,
-        created_at: model.created_at,
-        document: model.document,
-    };
-    Ok(Json(models.into_iter().map(view).collect()))
+/// Published model versions, newest first.
+#[utoipa::path(get, path = "/api/v1/models", tag = "models", params(Wanted), responses((status = 200, body = Vec<ModelView>)))]
+pub async fn list(
+    State(state): State<AppState>,
+    QueryOf(wanted): QueryOf<Wanted>,
+) -> Result<Json<Vec<ModelView>>, ApiError> {
+    Ok(Json(
+        models::list(state.store(), wanted.robot.as_deref(), wanted.current).await?,
+    ))
+}
+
+/// One model version.
+#[utoipa::path(get, path = "/api/v1/models/{id}", tag = "models", params(("id" = Uuid, Path)),
+    responses((status = 200, body = ModelView), (status = 404, body = Problem, content_type = "application/problem+json")))]
+pub async fn show(State(state): State<AppState>, Id(id): Id) -> Result<Json<ModelView>, ApiError> {
+    Ok(Json(models::get(state.store(), id).await?))
+}
+
+/// Which model a robot's twin uses, and the record of who chose what when.
+#[utoipa::path(get, path = "/api/v1/robots/{robot}/model", tag = "models", params(("robot" = String, Path)),
+    responses((status = 200, body = RobotModel), (status = 404, body = Problem, content_type = "application/problem+json")))]
+pub async fn of_robot(
+    State(state): State<AppState>,
+    RobotName(robot): RobotName,
+) -> Result<Json<RobotModel>, ApiError> {
+    Ok(Json(models::of_robot(state.store(), &robot).await?))
+}
+
+/// Make a version, an earlier one or `nominal`, the robot's current model.
+#[utoipa::path(put, path = "/api/v1/robots/{robot}/model", tag = "models", params(("robot" = String, Path)), request_body = ModelChoice,
+    responses((status = 200, body = RobotModel), (status = 404, body = Problem, content_type = "application/problem+json"),
+        (status = 422, body = Problem, content_type = "application/problem+json", description = "`invalid_model`")))]
+pub async fn choose(
+    State(state): State<AppState>,
+    Extension(principal): Extension<Principal>,
+    RobotName(robot): RobotName,
+    body: JsonBody<ModelChoice>,
+) -> Result<Json<RobotModel>, ApiError> {
+    Ok(Json(
+        models::choose(state.store(), &principal, &robot, &body.value.model).await?,
+    ))
+}
+
+/// Finished runs of a robot against its current model.
+#[utoipa::path(get, path = "/api/v1/robots/{robot}/gaps", tag = "models", params(("robot" = String, Path)),
+    responses((status = 200, body = RobotGaps), (status = 404, body = Problem, content_type = "application/problem+json")))]
+pub async fn gaps(
+    State(state): State<AppState>,
+    Extension(principal): Extension<Principal>,
+    RobotName(robot): RobotName,
+) -> Result<Json<RobotGaps>, ApiError> {
+    Ok(Json(models::gaps(state.store(), &principal, &robot).await?))
+}
+
+/// Say which runs had nothing changed: they give the floor that gaps are compared with.
+#[utoipa::path(put, path = "/api/v1/robots/{robot}/references", tag = "models", params(("robot" = String, Path)), request_body = ReferencesRequest,
+    responses((status = 200, body = RobotGaps), (status = 404, body = Problem, content_type = "application/problem+json"),
+        (status = 422, body = Problem, content_type = "application/problem+json", description = "`invalid_references`")))]
+pub async fn set_references(
+    State(state): State<AppState>,
+    Extension(principal): Extension<Principal>,
+    RobotName(robot): RobotName,
+    body: JsonBody<ReferencesRequest>,
+) -> Result<Json<RobotGaps>, ApiError> {
+    Ok(Json(
+        models::set_references(state.store(), &principal, &robot, &body.value.runs).await?,
+    ))
 }

@@ -12,6 +12,10 @@ use uuid::Uuid;
 #[derive(Debug, Clone, Copy)]
 pub struct Id(pub Uuid);
 
+/// `{robot}` of the path.
+#[derive(Debug, Clone)]
+pub struct RobotName(pub String);
+
 /// `{id}` and `{*name}` of the path.
 #[derive(Debug, Clone)]
 pub struct FilePath {
@@ -30,6 +34,11 @@ struct RawId {
 }
 
 #[derive(Deserialize)]
+struct RawRobot {
+    robot: String,
+}
+
+#[derive(Deserialize)]
 struct RawFilePath {
     id: String,
     name: String,
@@ -41,6 +50,15 @@ impl<S: Send + Sync> FromRequestParts<S> for Id {
     async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, ApiError> {
         let Path(raw) = Path::<RawId>::from_request_parts(parts, state).await?;
         Ok(Self(uuid(&raw.id)?))
+    }
+}
+
+impl<S: Send + Sync> FromRequestParts<S> for RobotName {
+    type Rejection = ApiError;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, ApiError> {
+        let Path(raw) = Path::<RawRobot>::from_request_parts(parts, state).await?;
+        Ok(Self(raw.robot))
     }
 }
 

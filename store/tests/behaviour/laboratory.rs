@@ -89,5 +89,5 @@ async fn registering_again_replaces_the_robots() {
     assert_eq!(robots.len(), lab().robots.len() - 1);
     assert_eq!((robots[0].name.as_str(), robots[0].robot.number), ("omni-02", first));
     assert_eq!(world.store.arena_list().await.unwrap()[0].arena, changed.arena);
-    assert!(world.store.model_list().await.unwrap().is_empty());
+    assert!(world.store.model_list(None).await.unwrap().is_empty());
 }

@@ -5,6 +5,7 @@ mod support;
 
 mod cancel;
 mod claim;
+mod diagnosis;
 mod fence;
 mod fixture;
 mod identity;

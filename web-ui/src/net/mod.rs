@@ -21,7 +21,33 @@ pub fn route(request: &Request) -> (&'static str, String) {
         Request::Replay(id) => ("GET", file_url(*id, REPLAY_FILE)),
         Request::Track(id) => ("GET", file_url(*id, TRACK_FILE)),
         Request::Submit => ("POST", format!("{BASE_PATH}/experiments")),
+        Request::Models => ("GET", format!("{BASE_PATH}/models?current=true")),
+        Request::Gaps(robot) => ("GET", format!("{BASE_PATH}/robots/{}/gaps", escaped(robot))),
+        Request::RobotModel(robot) => ("GET", format!("{BASE_PATH}/robots/{}/model", escaped(robot))),
+        Request::Diagnoses => ("GET", format!("{BASE_PATH}/diagnoses")),
+        Request::Report(id) => ("GET", format!("{BASE_PATH}/diagnoses/{id}/report.json")),
+        Request::StartDiagnosis => ("POST", format!("{BASE_PATH}/diagnoses")),
+        Request::Diagnosis(id, verb) => ("POST", format!("{BASE_PATH}/diagnoses/{id}/{verb}")),
+        Request::ChooseModel(robot) => ("PUT", format!("{BASE_PATH}/robots/{}/model", escaped(robot))),
+        Request::KeepReferences(robot) => ("PUT", format!("{BASE_PATH}/robots/{}/references", escaped(robot))),
     }
+}
+
+/// A name as it may stand in an address.
+fn escaped(name: &str) -> String {
+    name.bytes().fold(String::new(), |mut text, byte| {
+        if byte.is_ascii_alphanumeric() || b"-._~".contains(&byte) {
+            text.push(char::from(byte));
+        } else {
+            text.push_str(&format!("%{byte:02X}"));
+        }
+        text
+    })
+}
+
+/// Address of a diagnosis' report as a page.
+pub fn report_page_url(diagnosis: Uuid) -> String {
+    format!("{BASE_PATH}/diagnoses/{diagnosis}/report.html")
 }
 
 /// Address of one file of a run.

@@ -1,6 +1,7 @@
 //! The frame around the pages: navigation at the top, messages in the corner.
 
 pub mod compose;
+pub mod gap;
 pub mod live;
 pub mod parts;
 pub mod queue;
@@ -29,6 +30,7 @@ pub fn show(ui: &mut Ui, state: &State, output: &mut Output) {
         Page::Queue => page(ui, &palette, |ui| queue::ui::show(ui, state, output, &palette)),
         Page::Live => page(ui, &palette, |ui| live::ui::show(ui, state, output, &palette)),
         Page::Run => run::ui::show(ui, state, output, &palette),
+        Page::Gap => gap::ui::show(ui, state, output, &palette),
         Page::Robots => page(ui, &palette, |ui| robots::ui::show(ui, state, output, &palette)),
     }
     toasts(ui, state, output, &palette);

@@ -1,12 +1,14 @@
 //! The only code that changes [`State`]. Pure: no browser, no clock, no drawing.
 
 mod compose;
+mod gap;
 mod live;
 mod playback;
 mod polling;
 mod refusal;
 mod run;
 pub use compose::{DURATION_S, document_json, field_problems, submit_obstacle};
+pub use gap::start_obstacle;
 pub use playback::duration_s;
 pub use run::{REPLAY_FILE, TRACK_FILE};
 
@@ -56,6 +58,7 @@ pub fn command(state: &mut State, command: Command) -> Vec<Effect> {
             show_page(state, Page::Run)
         }
         Command::Download { url, file_name } => vec![Effect::Download { url, file_name }],
+        Command::Gap(command) => gap::command(state, command),
         other => compose::command(state, other),
     }
 }
@@ -84,6 +87,7 @@ pub fn tick(state: &mut State, clock: Clock) -> Vec<Effect> {
     let mut effects = compose::start_twin_when_due(state);
     effects.extend(live::follow_active_run(state));
     run::choose_default(state);
+    gap::choose_default(state);
     effects.extend(polling::due(state));
     effects
 }
@@ -91,6 +95,7 @@ pub fn tick(state: &mut State, clock: Clock) -> Vec<Effect> {
 fn show_page(state: &mut State, page: Page) -> Vec<Effect> {
     state.page = page;
     run::choose_default(state);
+    gap::choose_default(state);
     vec![Effect::SetAddress(address(state))]
 }
 
@@ -98,6 +103,10 @@ fn show_page(state: &mut State, page: Page) -> Vec<Effect> {
 fn address(state: &State) -> String {
     match (state.page, state.run.selected) {
         (Page::Run, Some(id)) => format!("#/run/{id}"),
+        (Page::Gap, _) => state
+            .gap
+            .selected
+            .map_or_else(|| "#/gap".to_owned(), |id| format!("#/gap/{id}")),
         (page, _) => format!("#/{}", page.name()),
     }
 }
@@ -108,8 +117,10 @@ fn follow_address(state: &mut State, text: &str) -> Vec<Effect> {
     let Some(page) = Page::ALL.into_iter().find(|p| p.name() == name) else {
         return Vec::new();
     };
-    if let (Page::Run, Some(Ok(id))) = (page, parts.next().map(str::parse::<Uuid>)) {
-        run::open(state, id);
+    match (page, parts.next().map(str::parse::<Uuid>)) {
+        (Page::Run, Some(Ok(id))) => run::open(state, id),
+        (Page::Gap, Some(Ok(id))) => gap::open(state, Some(id)),
+        _ => {}
     }
     state.page = page;
     Vec::new()
@@ -128,6 +139,10 @@ fn take_answer(state: &mut State, request: Request, answer: Answer) -> Vec<Effec
     match request {
         Request::Submit => compose::submitted(state, answer),
         Request::Cancel(id) => run::cancel_answered(state, id, answer),
+        Request::StartDiagnosis => gap::started(state, answer),
+        Request::Diagnosis(id, verb) => gap::verb_answered(state, id, verb, answer),
+        Request::ChooseModel(robot) => gap::model_chosen(state, &robot, answer),
+        Request::KeepReferences(_) => gap::references_kept(state, answer),
         other => {
             polling::answered(state, other, answer);
             Vec::new()
@@ -175,3 +190,5 @@ fn push_toast(state: &mut State, text: String, error: bool) {
 
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod tests_gap;

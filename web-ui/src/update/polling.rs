@@ -1,10 +1,11 @@
 //! Calls that repeat: what the server says about runs, robots and the arena.
 
 use super::refusal::decode;
-use super::run;
+use super::{gap, run};
 use crate::command::{Answer, Effect, Request};
 use crate::state::{Page, State};
 use api::arena::ArenaView;
+use api::model::ModelView;
 use api::robot::RobotView;
 use api::run::RunList;
 use serde::Deserialize;
@@ -27,7 +28,9 @@ pub fn due(state: &mut State) -> Vec<Effect> {
         (Request::Robots, lab_every_s),
         (Request::Arenas, lab_every_s),
     ];
+    wanted.push((Request::Models, LAB_EVERY_S));
     wanted.extend(run::wanted(state));
+    wanted.extend(gap::wanted(state));
     let mut effects = Vec::new();
     for (request, every_s) in wanted {
         if is_due(state, &request, every_s) {
@@ -84,12 +87,24 @@ pub fn answered(state: &mut State, request: Request, answer: Answer) {
         Request::Run(id) => run::view_answered(state, id, answer),
         Request::Replay(id) => run::replay_answered(state, id, answer),
         Request::Track(id) => run::track_answered(state, id, answer),
-        Request::Submit | Request::Cancel(_) => {}
+        Request::Models => match decode::<Vec<ModelView>>(answer) {
+            Ok(models) => take_models(state, models),
+            Err(refusal) => complain(state, "models", &refusal.sentence),
+        },
+        Request::Gaps(_) | Request::RobotModel(_) | Request::Diagnoses | Request::Report(_) => {
+            gap::answered(state, request, answer);
+        }
+        Request::Submit
+        | Request::Cancel(_)
+        | Request::StartDiagnosis
+        | Request::Diagnosis(..)
+        | Request::ChooseModel(_)
+        | Request::KeepReferences(_) => {}
     }
 }
 
 /// A failed poll is shown once, not every second; an unreachable server has its own message.
-fn complain(state: &mut State, what: &str, sentence: &str) {
+pub(super) fn complain(state: &mut State, what: &str, sentence: &str) {
     if state.service.reachable == Some(true) {
         let text = format!("The list of {what} could not be updated. {sentence}");
         if state.last_error.as_deref() != Some(&text) {
@@ -113,6 +128,12 @@ fn take_robots(state: &mut State, robots: Vec<RobotView>) {
 fn take_arenas(state: &mut State, arenas: Vec<ArenaView>) {
     let before = described(state);
     state.lab.arenas = Some(arenas);
+    rehearse_when_changed(state, &before);
+}
+
+fn take_models(state: &mut State, models: Vec<ModelView>) {
+    let before = described(state);
+    state.lab.models = Some(models);
     rehearse_when_changed(state, &before);
 }
 

@@ -123,7 +123,9 @@ impl Programs {
         } else {
             &[]
         };
-        let names = ["robopheus-server", "robopheus-scheduler"].iter().chain(lab);
+        let names = ["robopheus-server", "robopheus-scheduler", "robopheus-diagnose-worker"]
+            .iter()
+            .chain(lab);
         let absent: Vec<&str> = names
             .copied()
             .filter(|name| !paths::is_executable(&self.folder.join(name)))
@@ -169,6 +171,7 @@ impl Programs {
         }
         plans.push(self.plan("server", 5, 1500, Self::server));
         plans.push(self.plan("scheduler", 4, 1500, Self::scheduler));
+        plans.push(self.plan("diagnose", 4, 1500, Self::diagnose));
         if self.with_lab {
             plans.push(self.plan("emulator", 3, 1000, Self::emulator));
             if !self.with_tracker {
@@ -237,6 +240,22 @@ impl Programs {
 
     fn scheduler(&self) -> Command {
         self.with_database("robopheus-scheduler")
+    }
+
+    /// At low priority: minutes of processor time, and the 120 Hz loop may run on the same machine.
+    fn diagnose(&self) -> Command {
+        let mut command = Command::new("nice");
+        command
+            .args(["-n", "15"])
+            .arg(self.folder.join("robopheus-diagnose-worker"));
+        command
+            .current_dir(paths::root())
+            .stdin(Stdio::null())
+            .env("NO_COLOR", "1")
+            .env("DATABASE_URL", &self.database_url)
+            .arg("--data")
+            .arg(&self.data);
+        command
     }
 
     fn emulator(&self) -> Command {

@@ -207,6 +207,13 @@ fn with_refusal(strip: Strip, submission: &Submission) -> Strip {
     }
 }
 
+/// Which model versions the twin drives with; none when all robots are nominal.
+pub fn models(state: &State) -> Option<String> {
+    let models = crate::scenario::models_of(&state.compose.experiment, &state.lab);
+    let versions: Vec<&str> = models.values().map(|model| model.version.as_str()).collect();
+    (!versions.is_empty()).then(|| format!("The twin drives with the model {}.", versions.join(", ")))
+}
+
 /// The twin's identity, for comparing with the server's.
 pub fn twin_identity(state: &State) -> Option<String> {
     let result = state

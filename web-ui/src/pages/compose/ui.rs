@@ -117,6 +117,10 @@ fn words_of(ui: &mut Ui, state: &State, strip: &data::Strip, output: &mut Output
             response.on_hover_text(identity);
         }
     }
+    if let Some(models) = data::models(state) {
+        let response = ui.add(Label::new(RichText::new(models).color(palette.faint_ink)).wrap());
+        output.mark("compose.models", &response);
+    }
 }
 
 fn submit(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) {

@@ -1,4 +1,5 @@
-//! Run bundles from disk: folders, zip files and run archives; telemetry as CSV or Parquet.
+//! Run bundles as bytes and from disk: folders, zip files and run archives; telemetry as CSV or Parquet.
+#![forbid(unsafe_code)]
 
 use std::fmt::Write;
 use std::io::Read;
@@ -11,6 +12,7 @@ use parquet::record::Field;
 use sha2::{Digest, Sha256};
 
 /// A bundle with the digest of what was read.
+#[derive(Debug)]
 pub struct BundleFile {
     pub path: String,
     pub sha256: String,
@@ -21,10 +23,13 @@ pub struct BundleFile {
 const MAX_BYTES: u64 = 2 << 30;
 
 /// The two files of a bundle.
-struct Files {
-    run: Vec<u8>,
-    telemetry: Vec<u8>,
-    is_parquet: bool,
+#[derive(Debug, Clone)]
+pub struct Files {
+    /// `run.json`.
+    pub run: Vec<u8>,
+    pub telemetry: Vec<u8>,
+    /// Telemetry is Parquet, not CSV.
+    pub is_parquet: bool,
 }
 
 /// Reads a bundle.
@@ -38,7 +43,13 @@ pub fn read(path: &Path, robot: Option<&str>) -> anyhow::Result<BundleFile> {
     } else {
         from_zip(path, robot)
     };
-    let files = files.with_context(|| shown.clone())?;
+    parse(shown.clone(), files.with_context(|| shown)?)
+}
+
+/// Checks and parses the files of a bundle.
+///
+/// - `shown`: what to call it in messages and reports.
+pub fn parse(shown: String, files: Files) -> anyhow::Result<BundleFile> {
     let mut hash = Sha256::new();
     hash.update(&files.run);
     hash.update(&files.telemetry);

@@ -1,0 +1,220 @@
+//! Model versions, which one a robot's twin uses, and the runs that count as references.
+
+use super::error::AppError;
+use super::runs::owner_filter;
+use crate::access::Principal;
+use api::diagnosis::{NOMINAL, RUNS_MOST};
+use api::experiment::Mode;
+use api::model::{ModelView, RobotGaps, RobotModel};
+use api::problem::FieldProblem;
+use api::run::{RunState, RunView};
+use store::Store;
+use uuid::Uuid;
+
+/// Newest first; of one robot when given, and only those in use when asked for.
+pub async fn list(store: &Store, robot: Option<&str>, current: bool) -> Result<Vec<ModelView>, AppError> {
+    let mut models = if current {
+        store.models_current().await?
+    } else {
+        store.model_list(robot).await?
+    };
+    models.retain(|model| robot.is_none_or(|robot| model.robot == robot));
+    Ok(models)
+}
+
+pub async fn get(store: &Store, id: Uuid) -> Result<ModelView, AppError> {
+    store
+        .model_get(id)
+        .await?
+        .ok_or_else(|| AppError::not_found("model", id))
+}
+
+/// Which model the robot's twin uses, and since when.
+pub async fn of_robot(store: &Store, robot: &str) -> Result<RobotModel, AppError> {
+    let (_, floor) = place(store, robot).await?;
+    Ok(store.robot_model(robot, &floor).await?)
+}
+
+/// Makes a version, or the nominal twin, the robot's current model.
+pub async fn choose(store: &Store, principal: &Principal, robot: &str, wanted: &str) -> Result<RobotModel, AppError> {
+    let (_, floor) = place(store, robot).await?;
+    let model = named(store, "model", robot, &floor, wanted).await?;
+    let (id, diagnosis) = model.map_or((None, None), |model| (Some(model.id), model.diagnosis));
+    let now = store
+        .robot_model_set(robot, &floor, id, diagnosis, &principal.name)
+        .await?;
+    tracing::info!(
+        robot,
+        model = now.version.as_deref().unwrap_or(NOMINAL),
+        user = principal.name,
+        "model chosen"
+    );
+    Ok(now)
+}
+
+/// A model by version or id, which must be of this robot and floor; none is the nominal twin.
+pub async fn named(
+    store: &Store,
+    field: &str,
+    robot: &str,
+    floor: &str,
+    wanted: &str,
+) -> Result<Option<ModelView>, AppError> {
+    if wanted == NOMINAL {
+        return Ok(None);
+    }
+    let found = store.model_find(wanted).await?;
+    let fits = |model: &ModelView| model.robot == robot && model.floor == floor;
+    if let Some(model) = found.clone().filter(fits) {
+        return Ok(Some(model));
+    }
+    let known: Vec<String> = store
+        .model_list(Some(robot))
+        .await?
+        .into_iter()
+        .filter(fits)
+        .map(|model| model.version)
+        .collect();
+    let limit = std::iter::once(NOMINAL.to_owned())
+        .chain(known)
+        .collect::<Vec<_>>()
+        .join(", ");
+    let message = match found {
+        Some(other) => format!(
+            "the model {} is of {} on {}, not of {robot} on {floor}",
+            other.version, other.robot, other.floor
+        ),
+        None => format!("there is no model {wanted:?}"),
+    };
+    Err(invalid("invalid_model", field, message, limit, "name one of these"))
+}
+
+/// Arena and floor of a registered robot.
+pub async fn place(store: &Store, robot: &str) -> Result<(String, String), AppError> {
+    let place = store.robot_place(robot).await?;
+    place.ok_or_else(|| AppError::not_found("robot", robot))
+}
+
+/// Finished runs of the robot against its current model.
+pub async fn gaps(store: &Store, principal: &Principal, robot: &str) -> Result<RobotGaps, AppError> {
+    let (_, floor) = place(store, robot).await?;
+    Ok(store.robot_gaps(robot, &floor, owner_filter(principal)).await?)
+}
+
+/// Replaces the set of runs in which nothing was changed.
+pub async fn set_references(
+    store: &Store,
+    principal: &Principal,
+    robot: &str,
+    runs: &[Uuid],
+) -> Result<RobotGaps, AppError> {
+    let (_, floor) = place(store, robot).await?;
+    if runs.len() > RUNS_MOST {
+        let message = format!("{} runs are named", runs.len());
+        return Err(invalid(
+            "invalid_references",
+            "runs",
+            message,
+            format!("at most {RUNS_MOST} runs"),
+            "keep the newest ones",
+        ));
+    }
+    let mut errors = Vec::new();
+    for (place, run) in runs.iter().enumerate() {
+        let field = format!("runs[{place}]");
+        errors.extend(run_problem(store, principal, robot, &floor, *run, field).await?.1);
+    }
+    if let Some(first) = errors.first() {
+        return Err(AppError::Invalid {
+            code: "invalid_references",
+            detail: format!("{}: {}", first.field, first.message),
+            errors,
+        });
+    }
+    store.robot_references_set(robot, &floor, runs, &principal.name).await?;
+    tracing::info!(robot, count = runs.len(), user = principal.name, "references set");
+    gaps(store, principal, robot).await
+}
+
+/// A run that a diagnosis of this robot may use, or what is wrong with it.
+pub async fn run_problem(
+    store: &Store,
+    principal: &Principal,
+    robot: &str,
+    floor: &str,
+    id: Uuid,
+    field: String,
+) -> Result<(Option<RunView>, Option<FieldProblem>), AppError> {
+    let run = store
+        .run_get(id)
+        .await?
+        .filter(|run| principal.may_see_what_belongs_to(&run.submitted_by));
+    let problem = |message: String, limit: &str, remedy: &str| FieldProblem {
+        field,
+        message,
+        limit: limit.to_owned(),
+        remedy: remedy.to_owned(),
+    };
+    let Some(run) = run else {
+        let told = problem(
+            format!("there is no run {id}"),
+            "ids of runs of this robot that are done",
+            "take the ids from the list of runs",
+        );
+        return Ok((None, Some(told)));
+    };
+    if !run.experiment.robots.iter().any(|other| other.name == robot) {
+        let names: Vec<_> = run.experiment.robots.iter().map(|other| other.name.as_str()).collect();
+        let told = problem(
+            format!("the run {id} is of {}, not of {robot}", names.join(", ")),
+            &format!("runs in which {robot} took part"),
+            "leave this run out, or name its robot",
+        );
+        return Ok((None, Some(told)));
+    }
+    if run.experiment.mode == Mode::Virtual {
+        let told = problem(
+            format!("the run {id} is virtual: nothing was measured in it"),
+            "runs of the modes `physical` and `interactive`",
+            "leave this run out",
+        );
+        return Ok((None, Some(told)));
+    }
+    if run.state != RunState::Done {
+        let told = problem(
+            format!("the run {id} is `{}`", run.state.as_str()),
+            "runs that are `done`",
+            "wait until it is done, or leave it out",
+        );
+        return Ok((None, Some(told)));
+    }
+    if run.experiment.floor != floor {
+        let told = problem(
+            format!("the run {id} was on the floor {:?}", run.experiment.floor),
+            &format!("runs on the floor {floor:?}"),
+            "leave this run out",
+        );
+        return Ok((None, Some(told)));
+    }
+    Ok((Some(run), None))
+}
+
+pub fn invalid(
+    code: &'static str,
+    field: &str,
+    message: impl Into<String>,
+    limit: impl Into<String>,
+    remedy: &str,
+) -> AppError {
+    let message = message.into();
+    AppError::Invalid {
+        code,
+        detail: format!("{field}: {message}"),
+        errors: vec![FieldProblem {
+            field: field.to_owned(),
+            message,
+            limit: limit.into(),
+            remedy: remedy.to_owned(),
+        }],
+    }
+}
