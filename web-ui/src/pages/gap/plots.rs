@@ -12,7 +12,7 @@ use egui_plot::{Bar, BarChart, HLine, LineStyle, Plot};
 
 const BAR_HEIGHT: f32 = 11.0;
 const LINE_HEIGHT: f32 = 50.0;
-const CHANNEL_WIDTH: f32 = 300.0;
+const CHANNEL_WIDTH: f32 = 275.0;
 const REGION_WIDTH: f32 = 380.0;
 const REGION_HEIGHT: f32 = 150.0;
 
