@@ -123,8 +123,9 @@ pub fn place(
         }
         for (place, region) in regions.into_iter().enumerate() {
             // The map is as tall as two of these.
-            let column = if has_map && count > 1 {
-                place.saturating_sub(1) % 2 ^ 1
+            const BESIDE_MAP: [usize; 4] = [1, 1, 0, 1];
+            let column = if has_map {
+                BESIDE_MAP.get(place).copied().unwrap_or(0)
             } else {
                 place % count
             };
