@@ -1,14 +1,17 @@
 //! Run bundles as bytes and from disk: folders, zip files and run archives; telemetry as CSV or Parquet.
 #![forbid(unsafe_code)]
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail, ensure};
 use identify::bundle::Bundle;
+use parquet::basic::Type as PhysicalType;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::record::Field;
+use parquet::schema::types::ColumnDescPtr;
 use sha2::{Digest, Sha256};
 
 /// A bundle with the digest of what was read.
@@ -172,6 +175,7 @@ fn csv_of_parquet(bytes: Vec<u8>) -> anyhow::Result<Vec<u8>> {
     let names: Vec<&str> = schema.columns().iter().map(|column| column.name()).collect();
     text.push_str(&names.join(","));
     text.push('\n');
+    let labels = labels_of(&reader)?;
     for row in reader.get_row_iter(None)? {
         let row = row?;
         let mut first = true;
@@ -184,14 +188,83 @@ fn csv_of_parquet(bytes: Vec<u8>) -> anyhow::Result<Vec<u8>> {
                 Field::Null => {}
                 Field::Double(value) => write!(text, "{value}")?,
                 Field::Float(value) => write!(text, "{value}")?,
+                Field::Byte(value) => write!(text, "{value}")?,
+                Field::Short(value) => write!(text, "{value}")?,
                 Field::Int(value) => write!(text, "{value}")?,
                 Field::Long(value) => write!(text, "{value}")?,
+                Field::UByte(value) => write!(text, "{value}")?,
+                Field::UShort(value) => write!(text, "{value}")?,
                 Field::UInt(value) => write!(text, "{value}")?,
                 Field::ULong(value) => write!(text, "{value}")?,
+                Field::Str(label) => match labels
+                    .get(name)
+                    .and_then(|known| known.iter().position(|one| one == label))
+                {
+                    _ if label.parse::<f64>().is_ok() => text.push_str(label),
+                    Some(number) => write!(text, "{number}")?,
+                    None => {}
+                },
                 _ => bail!("column {name} holds no numbers"),
             }
         }
         text.push('\n');
     }
     Ok(text.into_bytes())
+}
+
+/// The words of every column of text (cameras have names), sorted: a word's number is its place among them.
+fn labels_of(reader: &SerializedFileReader<bytes::Bytes>) -> anyhow::Result<BTreeMap<String, BTreeSet<String>>> {
+    let mut labels: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+    let schema = reader.metadata().file_metadata().schema_descr();
+    let is_text = |column: &ColumnDescPtr| column.physical_type() == PhysicalType::BYTE_ARRAY;
+    if !schema.columns().iter().any(is_text) {
+        return Ok(labels);
+    }
+    for row in reader.get_row_iter(None)? {
+        for (name, field) in row?.get_column_iter() {
+            if let Field::Str(label) = field {
+                labels.entry(name.clone()).or_default().insert(label.clone());
+            }
+        }
+    }
+    Ok(labels)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use parquet::data_type::{ByteArray, ByteArrayType, DoubleType, Int64Type};
+    use parquet::file::writer::SerializedFileWriter;
+    use parquet::schema::parser::parse_message_type;
+    use std::sync::Arc;
+
+    #[test]
+    fn cameras_have_names_in_parquet_and_numbers_in_the_table() {
+        let schema = "message telemetry { REQUIRED DOUBLE time_s; OPTIONAL INT64 command_seq_sent; OPTIONAL BYTE_ARRAY camera_id (UTF8); }";
+        let schema = Arc::new(parse_message_type(schema).expect("a schema"));
+        let mut bytes = Vec::new();
+        let mut writer = SerializedFileWriter::new(&mut bytes, schema, Default::default()).expect("a file");
+        let mut group = writer.next_row_group().expect("a group");
+        let mut column = group.next_column().expect("no error").expect("time_s");
+        let written = column
+            .typed::<DoubleType>()
+            .write_batch(&[0.0, 0.5, 1.0, 1.5], None, None);
+        written.and_then(|_| column.close()).expect("times");
+        let mut column = group.next_column().expect("no error").expect("command_seq_sent");
+        let written = column.typed::<Int64Type>().write_batch(&[7], Some(&[0, 1, 0, 0]), None);
+        written.and_then(|_| column.close()).expect("numbers");
+        let mut column = group.next_column().expect("no error").expect("camera_id");
+        let names = ["west", "east", "west"].map(ByteArray::from);
+        let written = column
+            .typed::<ByteArrayType>()
+            .write_batch(&names, Some(&[1, 1, 0, 1]), None);
+        written.and_then(|_| column.close()).expect("names");
+        group.close().expect("a group");
+        writer.close().expect("a file");
+        let table = csv_of_parquet(bytes).expect("a table");
+        assert_eq!(
+            String::from_utf8(table).expect("text"),
+            "time_s,command_seq_sent,camera_id\n0,,1\n0.5,7,0\n1,,\n1.5,,1\n"
+        );
+    }
 }

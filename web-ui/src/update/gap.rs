@@ -20,7 +20,7 @@ pub fn command(state: &mut State, command: GapCommand) -> Vec<Effect> {
     match command {
         GapCommand::ChooseRobot(robot) => {
             choose_robot(state, robot);
-            Vec::new()
+            super::show_page(state, Page::Gap)
         }
         GapCommand::ToggleReference(run) => {
             state.gap.references_touched = true;

@@ -90,9 +90,9 @@ fn number_word(n: usize) -> String {
 fn length(value_m: f64) -> String {
     let millimetres = 1000.0 * value_m;
     if millimetres < 10.0 {
-        format!("{millimetres:.1} mm")
+        format!("{millimetres:.1}\u{a0}mm")
     } else {
-        format!("{millimetres:.0} mm")
+        format!("{millimetres:.0}\u{a0}mm")
     }
 }
 
@@ -245,7 +245,7 @@ mod tests {
         assert_eq!(
             headline(&report),
             "omni-03 slips on a patch at (0.8, \u{2212}0.2) m (radius 0.30 m) with 0.39 times the friction; \
-             pose gap 2 s ahead 41 mm \u{2192} 6.0 mm on two runs that were not used."
+             pose gap 2 s ahead 41\u{a0}mm \u{2192} 6.0\u{a0}mm on two runs that were not used."
         );
     }
 

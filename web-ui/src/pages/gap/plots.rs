@@ -12,7 +12,7 @@ use egui_plot::{Bar, BarChart, HLine, LineStyle, Plot};
 
 const BAR_HEIGHT: f32 = 11.0;
 const LINE_HEIGHT: f32 = 50.0;
-const CHANNEL_WIDTH: f32 = 300.0;
+const CHANNEL_WIDTH: f32 = 275.0;
 const REGION_WIDTH: f32 = 380.0;
 const REGION_HEIGHT: f32 = 150.0;
 
@@ -123,8 +123,9 @@ pub fn place(
         }
         for (place, region) in regions.into_iter().enumerate() {
             // The map is as tall as two of these.
-            let column = if has_map && count > 1 {
-                place.saturating_sub(1) % 2 ^ 1
+            const BESIDE_MAP: [usize; 4] = [1, 1, 0, 1];
+            let column = if has_map {
+                BESIDE_MAP.get(place).copied().unwrap_or(0)
             } else {
                 place % count
             };

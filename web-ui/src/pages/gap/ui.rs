@@ -18,8 +18,8 @@ const TICK_WIDTH: f32 = 68.0;
 const GAP_WIDTH: f32 = 70.0;
 const RUN_HEIGHT: f32 = 38.0;
 const DIAGNOSIS_HEIGHT: f32 = 46.0;
-/// Runs listed before the list scrolls by itself.
-const RUNS_HEIGHT: f32 = 300.0;
+/// Share of the window that the list of runs takes before it scrolls by itself: the button below stays in sight.
+const RUNS_SHARE: f32 = 0.38;
 
 pub fn show(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) {
     let ground = Frame::new().fill(palette.ground);
@@ -144,7 +144,8 @@ fn runs(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) {
         .wrap(),
     );
     run_header(ui, palette);
-    let height = (rows.len() as f32 * (RUN_HEIGHT + 2.0)).min(RUNS_HEIGHT);
+    let most = (ui.ctx().content_rect().height() * RUNS_SHARE).max(3.0 * RUN_HEIGHT);
+    let height = (rows.len() as f32 * (RUN_HEIGHT + 2.0)).min(most);
     ScrollArea::vertical()
         .id_salt("gap runs")
         .max_height(height)
