@@ -1,0 +1,399 @@
+//! Sets: what each number of the bench is, and its runs.
+
+use crate::background::{CHASSIS, background, robot};
+use crate::change::Change;
+use crate::drive::{RunStart, Trace, drive};
+use crate::effects::{Truth, applicable, apply, draw, wants_stiff_gears};
+use crate::manoeuvre::{Style, Task, plan};
+use crate::oracle::{Pair, Visible, best, visible};
+use crate::telemetry::bundle;
+use crate::unknown;
+use anyhow::{Result, anyhow};
+use emulator::noise::Noise;
+use emulator::plant::Pose;
+use identify::diagnose::Run;
+use serde::{Deserialize, Serialize};
+use twin::effect::library::LIBRARY;
+use twin::robot::{Robot, RobotDescription};
+
+/// What a set tries.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Kind {
+    /// One effect of the library
+    Single,
+    /// Nothing changed
+    None,
+    /// Two effects
+    Pair,
+    /// Four to six effects at once, no references
+    Many,
+    /// An effect that the library does not have
+    Unknown,
+    /// One effect, driven so that it does not show
+    Poor,
+    /// One effect, nothing but a task in a closed loop
+    Closed,
+    /// One effect; references driven otherwise than the changed runs
+    Shifted,
+    /// One effect, two disjoint halves
+    Halves,
+    /// Two effects, three rounds of diagnose, accept, rerun
+    Rounds,
+}
+
+/// Kinds of the whole bench, over and over.
+const CYCLE: [Kind; 20] = [
+    Kind::Single,
+    Kind::None,
+    Kind::Single,
+    Kind::Pair,
+    Kind::None,
+    Kind::Single,
+    Kind::Unknown,
+    Kind::None,
+    Kind::Single,
+    Kind::Poor,
+    Kind::Single,
+    Kind::None,
+    Kind::Many,
+    Kind::Single,
+    Kind::Closed,
+    Kind::None,
+    Kind::Single,
+    Kind::Shifted,
+    Kind::Halves,
+    Kind::Rounds,
+];
+
+/// What is asked of every set.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Wish {
+    pub kind: Option<Kind>,
+    pub chassis: Option<String>,
+    pub effect: Option<String>,
+    /// Of a run; fewer show less.
+    pub seconds: u32,
+    pub references: usize,
+    pub runs: usize,
+}
+
+impl Wish {
+    /// About 20 s a run, four references and six runs.
+    pub fn standard() -> Wish {
+        Wish {
+            seconds: 20,
+            references: 4,
+            runs: 6,
+            ..Wish::default()
+        }
+    }
+}
+
+/// One set before it is driven.
+#[derive(Debug, Clone)]
+pub struct Set {
+    pub number: u64,
+    pub seed: u64,
+    pub kind: Kind,
+    pub chassis: String,
+    pub robot: RobotDescription,
+    pub truths: Vec<Truth>,
+    pub unknown: Option<String>,
+    pub wish: Wish,
+    /// The same robot in the plant's words.
+    plant: api::robot::RobotDescription,
+    base: Change,
+    changed: Change,
+}
+
+/// An effect as the plant has it, with what its oracle says.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Known {
+    pub drawn: Truth,
+    /// As the library describes it best.
+    pub best: Truth,
+    pub visible: Visible,
+    pub detectable: bool,
+}
+
+/// Runs of a set and what the plant knows of them.
+pub struct Driven {
+    pub references: Vec<Run>,
+    pub runs: Vec<Run>,
+    pub known: Vec<Known>,
+    /// How far an unknown effect shows.
+    pub unknown: Option<Visible>,
+    /// The first changed run, noise-free.
+    pub trace: Trace,
+}
+
+/// Runs that the oracle looks at.
+const ORACLE_RUNS: usize = 2;
+/// Effects of an unexcited set, which driving slowly straight on hides.
+const HIDDEN_WHEN_SLOW: [&str; 9] = [
+    "wheel_speed_saturation",
+    "body_speed_saturation",
+    "acceleration_limit",
+    "lateral_slip",
+    "track_width",
+    "gyro_scale",
+    "steering_scale",
+    "steering_lag",
+    "floor_friction",
+];
+
+/// splitmix64 (Steele, Lea, Flood 2014).
+fn mixed(seed: u64, number: u64) -> u64 {
+    let mut z = seed.wrapping_add(number.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}
+
+impl Set {
+    /// A set by its number; the same for ever.
+    ///
+    /// - Errors: a chassis or an effect that does not exist, or not together.
+    pub fn new(seed: u64, number: u64, wish: &Wish) -> Result<Set> {
+        let kind = wish.kind.unwrap_or(CYCLE[(number % CYCLE.len() as u64) as usize]);
+        let ordinal = match wish.kind {
+            Some(_) => number,
+            None => {
+                let (cycle, place) = (number / CYCLE.len() as u64, number as usize % CYCLE.len());
+                let count = |kinds: &[Kind]| kinds.iter().filter(|other| **other == kind).count() as u64;
+                cycle * count(&CYCLE) + count(&CYCLE[..place])
+            }
+        };
+        let set_seed = mixed(seed, number);
+        let mut noise = Noise::new(set_seed, 11);
+        let name = effect_name(kind, seed, ordinal, wish)?;
+        let chassis = chassis(name, wish, &mut noise)?;
+        let stiff = name.is_some_and(wants_stiff_gears);
+        let robot = robot(&chassis, stiff);
+        let base = background(set_seed, &robot);
+        let mut changed = base.clone();
+        let mut unknown_name = None;
+        let mut truths = Vec::new();
+        if let Some(name) = name {
+            truths.push(draw(name, &robot, &mut noise));
+        }
+        let more = match kind {
+            Kind::Pair | Kind::Rounds => 1,
+            Kind::Many => 3 + (3.0 * noise.uniform()) as usize,
+            _ => 0,
+        };
+        while truths.len() < more + usize::from(name.is_some()) {
+            let entries = applicable(&robot);
+            let other = entries[((noise.uniform() * entries.len() as f64) as usize).min(entries.len() - 1)];
+            let taken = truths.iter().any(|truth| truth.name == other.name);
+            if !taken && !wants_stiff_gears(other.name) {
+                truths.push(draw(other.name, &robot, &mut noise));
+            }
+        }
+        for truth in &truths {
+            apply(&mut changed, truth, &robot);
+        }
+        if kind == Kind::Unknown {
+            let names = unknown::names(&robot);
+            let name = names[(ordinal % names.len() as u64) as usize];
+            unknown::apply(name, &mut changed, &robot, &mut noise);
+            unknown_name = Some(name.to_owned());
+        }
+        Ok(Set {
+            number,
+            seed: set_seed,
+            kind,
+            chassis,
+            plant: serde_json::from_value(serde_json::to_value(&robot)?)?,
+            robot,
+            truths,
+            unknown: unknown_name,
+            wish: wish.clone(),
+            base,
+            changed,
+        })
+    }
+
+    /// Numbers of references and runs.
+    fn counts(&self) -> (usize, usize) {
+        let (references, runs) = (self.wish.references, self.wish.runs);
+        match self.kind {
+            Kind::Many => (0, references.min(2) + runs),
+            Kind::Halves => (2 * references.min(3), 2 * runs),
+            _ => (references, runs),
+        }
+    }
+
+    /// Drives everything and asks the plant.
+    ///
+    /// - `day`: other runs of the same set.
+    /// - Errors: what the plant or the reader refuses.
+    pub fn driven(&self, day: u64) -> Result<Driven> {
+        let robot = Robot::new(self.robot.clone()).map_err(|problem| anyhow!("{}", problem.message))?;
+        let (count_references, count_runs) = self.counts();
+        let (mut references, mut runs, mut traces) = (Vec::new(), Vec::new(), Vec::new());
+        for number in 0..count_references {
+            let seed = self.run_seed(day, number as u64, true);
+            let trace = self.run(&robot, &self.base, seed, true, None)?;
+            let path = format!("reference-{day}-{number}");
+            references.push(bundle(&path, &self.robot, &trace, &self.base.sensing, seed, true)?);
+        }
+        for number in 0..count_runs {
+            let seed = self.run_seed(day, number as u64, false);
+            let trace = self.run(&robot, &self.changed, seed, false, None)?;
+            let path = format!("run-{day}-{number}");
+            runs.push(bundle(&path, &self.robot, &trace, &self.changed.sensing, seed, false)?);
+            if number < ORACLE_RUNS {
+                traces.push((seed, trace));
+            }
+        }
+        let mut known = Vec::new();
+        for position in 0..self.truths.len() {
+            known.push(self.ask(&robot, position, &traces)?);
+        }
+        let mut unknown = None;
+        if self.unknown.is_some() {
+            unknown = Some(self.compared(&robot, &self.base, &traces, None)?.0);
+        }
+        Ok(Driven {
+            references,
+            runs,
+            known,
+            unknown,
+            trace: traces.into_iter().next().map(|(_, trace)| trace).unwrap_or_default(),
+        })
+    }
+
+    fn run_seed(&self, day: u64, number: u64, reference: bool) -> u64 {
+        mixed(self.seed, 1000 * (day + 1) + 2 * number + u64::from(reference))
+    }
+
+    /// One run; `replayed` are set-points of another one.
+    fn run(
+        &self,
+        robot: &Robot,
+        change: &Change,
+        seed: u64,
+        reference: bool,
+        replayed: Option<&Trace>,
+    ) -> Result<Trace> {
+        let mut noise = Noise::new(seed, 5);
+        let pose = Pose {
+            x_m: 0.6 * (noise.uniform() - 0.5),
+            y_m: 0.4 * (noise.uniform() - 0.5),
+            yaw_rad: std::f64::consts::TAU * (noise.uniform() - 0.5),
+        };
+        let start = RunStart {
+            seed,
+            pose,
+            seconds: self.wish.seconds,
+        };
+        if let Some(other) = replayed {
+            return drive(&self.plant, change, &start, &mut |number, _| other.sent[number]);
+        }
+        if self.kind == Kind::Closed {
+            let mut task = Task::new(robot, seed);
+            return drive(&self.plant, change, &start, &mut |_, pose| task.command(pose));
+        }
+        let style = match (self.kind, reference) {
+            (Kind::Poor, _) => Style::Poor,
+            (Kind::Shifted, true) => Style::Smooth,
+            (Kind::Shifted, false) => Style::Brisk,
+            _ => Style::Rich,
+        };
+        let planned = plan(robot, style, pose, self.wish.seconds, &mut noise);
+        drive(&self.plant, change, &start, &mut |number, _| planned[number])
+    }
+
+    /// Runs with `without` in place of everything changed, on the same set-points.
+    fn compared(
+        &self,
+        robot: &Robot,
+        without: &Change,
+        traces: &[(u64, Trace)],
+        truth: Option<&Truth>,
+    ) -> Result<(Visible, Option<Truth>)> {
+        let mut others = Vec::new();
+        for (seed, trace) in traces {
+            others.push(self.run(robot, without, *seed, false, Some(trace))?);
+        }
+        let pairs: Vec<Pair<'_>> = traces
+            .iter()
+            .zip(&others)
+            .map(|((_, with), other)| Pair {
+                with: (with, &self.changed.sensing),
+                without: (other, &without.sensing),
+            })
+            .collect();
+        let fitted = truth.and_then(|truth| pairs.first().map(|pair| best(&self.robot, truth, pair)));
+        Ok((visible(&self.robot, &pairs), fitted))
+    }
+
+    fn ask(&self, robot: &Robot, position: usize, traces: &[(u64, Trace)]) -> Result<Known> {
+        let mut without = self.base.clone();
+        for (other, truth) in self.truths.iter().enumerate() {
+            if other != position {
+                apply(&mut without, truth, &self.robot);
+            }
+        }
+        let drawn = &self.truths[position];
+        let (visible, best) = self.compared(robot, &without, traces, Some(drawn))?;
+        Ok(Known {
+            drawn: drawn.clone(),
+            best: best.unwrap_or_else(|| drawn.clone()),
+            detectable: visible.is_detectable(),
+            visible,
+        })
+    }
+
+    /// Sensors of the changed runs.
+    pub fn sensing(&self) -> &crate::sensing::Sensing {
+        &self.changed.sensing
+    }
+}
+
+/// The first effect of a set: every one in turn, in an order of the seed.
+fn effect_name(kind: Kind, seed: u64, ordinal: u64, wish: &Wish) -> Result<Option<&'static str>> {
+    if matches!(kind, Kind::None | Kind::Unknown) {
+        return Ok(None);
+    }
+    if let Some(name) = &wish.effect {
+        let entry = LIBRARY.iter().find(|entry| entry.name == name.as_str());
+        return entry
+            .map(|entry| Some(entry.name))
+            .ok_or_else(|| anyhow!("effect {name:?} is not in the library; docs/effects.md lists its names"));
+    }
+    let mut names: Vec<&'static str> = match kind {
+        Kind::Poor => HIDDEN_WHEN_SLOW.to_vec(),
+        _ => LIBRARY.iter().map(|entry| entry.name).collect(),
+    };
+    let lap = ordinal / names.len() as u64;
+    let mut noise = Noise::new(seed ^ (kind as u64) << 32, lap);
+    for place in (1..names.len()).rev() {
+        names.swap(place, (noise.uniform() * (place + 1) as f64) as usize);
+    }
+    Ok(Some(names[(ordinal % names.len() as u64) as usize]))
+}
+
+fn chassis(effect: Option<&str>, wish: &Wish, noise: &mut Noise) -> Result<String> {
+    let possible = |chassis: &&str| {
+        let robot = robot(chassis, false);
+        effect.is_none_or(|name| applicable(&robot).iter().any(|entry| entry.name == name))
+    };
+    let wished = |chassis: &&str| wish.chassis.as_ref().is_none_or(|wished| wished == chassis);
+    let choices: Vec<&str> = CHASSIS
+        .into_iter()
+        .filter(|chassis| possible(chassis) && wished(chassis))
+        .collect();
+    if choices.is_empty() {
+        let what = wish.chassis.clone().unwrap_or_default();
+        return Err(anyhow!(
+            "no chassis {what:?} for effect {:?}; chassis are {}",
+            effect.unwrap_or("none"),
+            CHASSIS.join(", ")
+        ));
+    }
+    let choice = (noise.uniform() * choices.len() as f64) as usize;
+    Ok(choices[choice.min(choices.len() - 1)].to_owned())
+}
