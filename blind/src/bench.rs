@@ -44,6 +44,30 @@ pub struct Line {
     pub name_s: f64,
 }
 
+impl Line {
+    fn empty(set: &Set) -> Line {
+        Line {
+            set: set.number,
+            kind: set.kind,
+            chassis: set.chassis.clone(),
+            seal: String::new(),
+            reports: Vec::new(),
+            known: Vec::new(),
+            unknown: set.unknown.clone(),
+            verdicts: Vec::new(),
+            named: Vec::new(),
+            untestable: Vec::new(),
+            absorbed: Vec::new(),
+            channels: Vec::new(),
+            explained: None,
+            facts: Facts::new(),
+            error: None,
+            make_s: 0.0,
+            name_s: 0.0,
+        }
+    }
+}
+
 /// CPU seconds of this thread.
 pub fn cpu_s() -> f64 {
     let text = fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
@@ -57,32 +81,21 @@ pub fn cpu_s() -> f64 {
 pub fn run_set(seed: u64, number: u64, wish: &Wish, vault: &Vault) -> Result<Line> {
     let before = cpu_s();
     let set = Set::new(seed, number, wish)?;
-    let driven = set.driven(0)?;
-    let seal = vault.seal(&Sealed::new(&set, &driven))?;
+    let mut line = Line::empty(&set);
+    let driven = match set.driven(0) {
+        Ok(driven) => driven,
+        Err(error) => {
+            line.error = Some(format!("{error:#}"));
+            return Ok(line);
+        }
+    };
+    line.seal = vault.seal(&Sealed::new(&set, &driven))?;
     let made = cpu_s();
     let outcome = reports(&set, &driven);
-    let done = cpu_s();
-    let sealed = vault.open(number, &seal)?;
+    (line.make_s, line.name_s) = (made - before, cpu_s() - made);
+    let sealed = vault.open(number, &line.seal)?;
+    line.known.clone_from(&sealed.known);
     let alike = |effect: &NamedEffect, known: &Known| is_alike(&set, &driven, effect, known);
-    let mut line = Line {
-        set: number,
-        kind: sealed.kind,
-        chassis: sealed.chassis.clone(),
-        seal,
-        reports: Vec::new(),
-        known: sealed.known.clone(),
-        unknown: sealed.unknown.clone(),
-        verdicts: Vec::new(),
-        named: Vec::new(),
-        untestable: Vec::new(),
-        absorbed: Vec::new(),
-        channels: Vec::new(),
-        explained: None,
-        facts: Facts::new(),
-        error: None,
-        make_s: made - before,
-        name_s: done - made,
-    };
     match outcome {
         Ok(reports) => {
             line.facts = score(&sealed, &reports, &alike);

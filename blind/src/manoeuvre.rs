@@ -70,7 +70,7 @@ fn piece(robot: &Robot, style: Style, noise: &mut Noise) -> Piece {
     if style == Style::Poor {
         return Piece::Swell([sided(0.1, 0.3), 0.0, 0.0]);
     }
-    let fast = if style == Style::Smooth { 0.7 } else { 1.2 };
+    let fast = if style == Style::Smooth { 0.7 } else { 1.6 };
     let turn = |u: f64, r: f64| if car { u * (r / 2.4 * CURVATURE_PER_M) } else { r };
     let u = sided(0.15, fast);
     let r = turn(u, sided(0.3, 2.4));
@@ -187,6 +187,9 @@ fn set_point(robot: &Robot, [u, v, r]: [f64; 3], steering_rad: &mut f64) -> SetP
     out
 }
 
+/// Set-points until a goal that cannot be reached is given up.
+const GIVEN_UP: u32 = 5 * SET_POINTS_HZ;
+
 /// A task: to one point of the floor after the other, in a closed loop over the pose.
 pub struct Task<'a> {
     robot: &'a Robot,
@@ -194,6 +197,9 @@ pub struct Task<'a> {
     noise: Noise,
     steering_rad: f64,
     speed_m_per_s: f64,
+    /// Set-points since the goal was set.
+    age: u32,
+    backward: bool,
 }
 
 impl<'a> Task<'a> {
@@ -204,34 +210,35 @@ impl<'a> Task<'a> {
             noise: Noise::new(seed, 7),
             steering_rad: 0.0,
             speed_m_per_s: 0.0,
+            age: GIVEN_UP,
+            backward: false,
         }
     }
 
     /// The set-point at a pose.
     pub fn command(&mut self, pose: Pose) -> SetPoint {
         let far = |goal: [f64; 2]| (goal[0] - pose.x_m).hypot(goal[1] - pose.y_m);
-        while far(self.goal_m) < 0.15 {
+        let (sin, cos) = pose.yaw_rad.sin_cos();
+        self.age += 1;
+        while self.age > GIVEN_UP || far(self.goal_m) < 0.15 {
             self.goal_m = [2.0 * (self.noise.uniform() - 0.5), 1.4 * (self.noise.uniform() - 0.5)];
+            self.age = 0;
+            self.backward = cos * (self.goal_m[0] - pose.x_m) + sin * (self.goal_m[1] - pose.y_m) < 0.0;
         }
         let [dx, dy] = [self.goal_m[0] - pose.x_m, self.goal_m[1] - pose.y_m];
-        let (sin, cos) = pose.yaw_rad.sin_cos();
         let (ahead, left) = (cos * dx + sin * dy, cos * dy - sin * dx);
         let most = 0.6_f64.min(1.5 * far(self.goal_m) + 0.1);
         let twist = if self.robot.chassis() == "omni4" {
             let scale = most / far(self.goal_m);
             [scale * ahead, scale * left, (left.atan2(ahead)).clamp(-1.0, 1.0)]
         } else {
-            let bearing = left.atan2(ahead);
-            let speed = most * bearing.cos();
-            let speed = if self.robot.description().steering.is_some() && speed.abs() < 0.15 {
-                0.15_f64.copysign(speed)
-            } else {
-                speed
-            };
-            self.speed_m_per_s += (speed - self.speed_m_per_s).clamp(-0.02, 0.02);
+            let way = if self.backward { -1.0 } else { 1.0 };
+            let bearing = (way * left).atan2(way * ahead);
+            let car = self.robot.description().steering.is_some();
+            let wanted = way * most * if car { 1.0 } else { bearing.cos().max(0.0) };
+            self.speed_m_per_s += (wanted - self.speed_m_per_s).clamp(-0.02, 0.02);
             let turn = (2.0 * bearing).clamp(-1.8, 1.8);
             let limit = CURVATURE_PER_M * self.speed_m_per_s.abs();
-            let car = self.robot.description().steering.is_some();
             [
                 self.speed_m_per_s,
                 0.0,

@@ -148,11 +148,13 @@ const GOLDEN: f64 = 0.618_033_988_749_895;
 /// Range of a fitted size, as factors of the drawn one.
 const RANGE: (f64, f64) = (0.15, 4.0);
 
-/// The library's best parameters for plant-with minus plant-without, by the twin; those drawn where the laws agree.
-pub fn best(robot: &RobotDescription, truth: &Truth, pair: &Pair<'_>) -> Truth {
-    let Some((_, names)) = FITTED.iter().find(|(name, _)| *name == truth.name) else {
-        return truth.clone();
-    };
+/// The library's best parameters for plant-with minus plant-without, by the twin; those drawn where the laws agree. And
+/// the share of the change, in squares over the sensors' noise, that the twin explains with them.
+pub fn best(robot: &RobotDescription, truth: &Truth, pair: &Pair<'_>) -> (Truth, f64) {
+    let names = FITTED
+        .iter()
+        .find(|(name, _)| *name == truth.name)
+        .map_or(&[] as &[&str], |(_, names)| names);
     let nominal = Twin::new(robot, &[]);
     let base = misfit(nominal.as_ref(), pair.without);
     let cost = |truth: &Truth| {
@@ -161,7 +163,7 @@ pub fn best(robot: &RobotDescription, truth: &Truth, pair: &Pair<'_>) -> Truth {
         weighted_square(&now, &base, &sigma)
     };
     let mut best = truth.clone();
-    for name in *names {
+    for name in names {
         let Some(parameter) = find(&truth.name).and_then(|entry| entry.parameter(name)) else {
             continue;
         };
@@ -194,7 +196,14 @@ pub fn best(robot: &RobotDescription, truth: &Truth, pair: &Pair<'_>) -> Truth {
         }
         best = at(0.5 * (low + high));
     }
-    best
+    let none = weighted_square(&misfit(nominal.as_ref(), pair.with), &base, &sigmas(robot));
+    let left = cost(&best);
+    let share = if none > 0.0 && left.is_finite() {
+        1.0 - left / none
+    } else {
+        0.0
+    };
+    (best, (1e4 * share).round() / 1e4)
 }
 
 /// Cosine between what two effects change in the twin on a run, weighted by the sensors' noise.

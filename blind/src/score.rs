@@ -32,6 +32,8 @@ pub type Alike<'a> = &'a dyn Fn(&NamedEffect, &Known) -> bool;
 const LOUD: f64 = 0.5;
 /// An effect shows so little below this that it must not be named.
 pub const UNEXCITED: f64 = 0.3;
+/// Parameters mean something when the library's law explains this much of what the plant does.
+pub const DESCRIBED: f64 = 0.5;
 /// A patch is found within this, m.
 const PATCH_M: f64 = 0.15;
 /// A gap has grown from this factor.
@@ -119,7 +121,9 @@ impl Scorer<'_> {
         let Some(effect) = report.effects.iter().find(|effect| is_same(effect, known)) else {
             return;
         };
-        let Some(entry) = find(&known.best.name) else { return };
+        let Some(entry) = find(&known.best.name).filter(|_| known.described >= DESCRIBED) else {
+            return;
+        };
         let sized = || entry.parameters.iter().filter(|parameter| parameter.carries_size);
         for parameter in sized() {
             let Some(found) = effect.parameters.iter().find(|found| found.name == parameter.name) else {

@@ -115,6 +115,8 @@ pub struct Known {
     pub best: Truth,
     pub visible: Visible,
     pub detectable: bool,
+    /// Share of the change that the library's law explains with the best parameters.
+    pub described: f64,
 }
 
 /// Runs of a set and what the plant knows of them.
@@ -313,7 +315,7 @@ impl Set {
         without: &Change,
         traces: &[(u64, Trace)],
         truth: Option<&Truth>,
-    ) -> Result<(Visible, Option<Truth>)> {
+    ) -> Result<(Visible, Option<(Truth, f64)>)> {
         let mut others = Vec::new();
         for (seed, trace) in traces {
             others.push(self.run(robot, without, *seed, false, Some(trace))?);
@@ -339,9 +341,11 @@ impl Set {
         }
         let drawn = &self.truths[position];
         let (visible, best) = self.compared(robot, &without, traces, Some(drawn))?;
+        let (best, described) = best.unwrap_or_else(|| (drawn.clone(), 0.0));
         Ok(Known {
             drawn: drawn.clone(),
-            best: best.unwrap_or_else(|| drawn.clone()),
+            best,
+            described,
             detectable: visible.is_detectable(),
             visible,
         })
