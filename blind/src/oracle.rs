@@ -13,7 +13,7 @@ use twin::twist::BodyTwist;
 
 /// An effect shows when the root mean square of what it changes is this many standard deviations of a sensor's noise, on
 /// some channel.
-pub const DETECTABLE: f64 = 1.0;
+pub const DETECTABLE: f64 = 0.5;
 /// Channels of a report.
 pub const CHANNELS: [&str; 8] = ["pose", "yaw", "wheel", "steering", "current", "bus", "gyro", "accel"];
 /// Poses are compared as increments over this time, as windows of the diagnosis are.
@@ -198,7 +198,10 @@ pub fn best(robot: &RobotDescription, truth: &Truth, pair: &Pair<'_>) -> (Truth,
     }
     let none = weighted_square(&misfit(nominal.as_ref(), pair.with), &base, &sigmas(robot));
     let left = cost(&best);
-    let share = if none > 0.0 && left.is_finite() {
+    // Where the laws agree the drawn parameters are the truth, however the paths differ.
+    let share = if names.is_empty() {
+        1.0
+    } else if none > 0.0 && left.is_finite() {
         1.0 - left / none
     } else {
         0.0

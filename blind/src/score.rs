@@ -31,9 +31,9 @@ pub type Alike<'a> = &'a dyn Fn(&NamedEffect, &Known) -> bool;
 /// A channel is right when the truth shows on it at least this much as on the loudest.
 const LOUD: f64 = 0.5;
 /// An effect shows so little below this that it must not be named.
-pub const UNEXCITED: f64 = 0.3;
+pub const UNEXCITED: f64 = 0.1;
 /// Parameters mean something when the library's law explains this much of what the plant does.
-pub const DESCRIBED: f64 = 0.5;
+pub const DESCRIBED: f64 = 0.3;
 /// A patch is found within this, m.
 const PATCH_M: f64 = 0.15;
 /// A gap has grown from this factor.
