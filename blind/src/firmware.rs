@@ -213,3 +213,86 @@ pub fn wheelbase_m(description: &RobotDescription) -> f64 {
     };
     axle(true) - axle(false)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn robot(chassis: &str) -> RobotDescription {
+        let text = serde_json::to_value(crate::background::robot(chassis, false)).expect("json");
+        serde_json::from_value(text).expect("a description")
+    }
+
+    fn acted(firmware: &Firmware, chassis: &str, sent: &[SetPoint]) -> Vec<SetPoint> {
+        let robot = robot(chassis);
+        let mut running = Running::new(firmware, &robot, Noise::new(1, 2));
+        sent.iter().map(|sent| running.act(*sent, 0.0)).collect()
+    }
+
+    fn wheels(wheel_rad_per_s: [f64; MAX_MOTORS]) -> SetPoint {
+        SetPoint {
+            wheel_rad_per_s,
+            steering_rad: 0.0,
+        }
+    }
+
+    #[test]
+    fn each_stage_by_hand() {
+        let steps = vec![wheels([3.0, -3.0, 0.0, 0.0]); 6];
+        let delay = Firmware {
+            delay_ticks: 2,
+            ..Firmware::default()
+        };
+        let first: Vec<f64> = acted(
+            &delay,
+            "diff2",
+            &[[SetPoint::default(); 2].to_vec(), steps.clone()].concat(),
+        )
+        .iter()
+        .map(|point| point.wheel_rad_per_s[0])
+        .collect();
+        assert_eq!(first, [0.0, 0.0, 0.0, 0.0, 3.0, 3.0, 3.0, 3.0]);
+        let slew = Firmware {
+            slew_m_per_s2: 2.4,
+            ..Firmware::default()
+        };
+        // 2.4 m/s2 at 0.05 m is 48 rad/s2, 0.1 rad/s a tick.
+        let ramp = acted(&slew, "diff2", &steps);
+        assert!((ramp[4].wheel_rad_per_s[0] - 0.5).abs() < 1e-12 && (ramp[4].wheel_rad_per_s[1] + 0.5).abs() < 1e-12);
+        let band = Firmware {
+            dead_band_rad_per_s: 3.5,
+            ..Firmware::default()
+        };
+        assert_eq!(acted(&band, "diff2", &steps)[0], SetPoint::default());
+        let lost = Firmware {
+            loss_rate: 1.0,
+            ..Firmware::default()
+        };
+        assert_eq!(acted(&lost, "diff2", &steps)[5], SetPoint::default());
+    }
+
+    #[test]
+    fn each_axis_of_the_body_is_clipped_by_itself() {
+        let limits = Firmware {
+            body_limit: [0.5, 0.2, 1.0],
+            ..Firmware::default()
+        };
+        // Forward 0.8 m/s and 0.5 rad/s on a track of 0.3 m: only the forward part is too fast.
+        let sent = wheels([(0.8 - 0.075) / 0.05, (0.8 + 0.075) / 0.05, 0.0, 0.0]);
+        let [left, right, ..] = acted(&limits, "diff2", &[sent])[0].wheel_rad_per_s;
+        assert!((left - (0.5 - 0.075) / 0.05).abs() < 1e-9 && (right - (0.5 + 0.075) / 0.05).abs() < 1e-9);
+        // Strafing of an omni robot: all wheels by the same share, signs of the rolling directions.
+        let robot = robot("omni4");
+        let strafe = |speed: f64| {
+            let mut out = [0.0; MAX_MOTORS];
+            for (out, wheel) in out.iter_mut().zip(&robot.wheels) {
+                *out = speed * wheel.rolling_direction_rad.sin() / 0.05;
+            }
+            wheels(out)
+        };
+        let clipped = acted(&limits, "omni4", &[strafe(0.7)])[0];
+        for (found, wanted) in clipped.wheel_rad_per_s.iter().zip(strafe(0.2).wheel_rad_per_s) {
+            assert!((found - wanted).abs() < 1e-9, "{found} {wanted}");
+        }
+    }
+}

@@ -76,3 +76,97 @@ impl Forces {
         push
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use emulator::hidden::{HiddenRobot, RunVariation};
+    use emulator::noise::Noise;
+
+    #[test]
+    fn forces_by_hand() {
+        let text = serde_json::to_value(crate::background::robot("diff2", false)).expect("json");
+        let robot = serde_json::from_value(text).expect("a description");
+        let still = RunVariation {
+            friction: 0.0,
+            mass: 0.0,
+            torque_constant: 0.0,
+            battery_charge: 0.0,
+        };
+        let hidden = HiddenRobot {
+            com_x_m: 0.02,
+            ..HiddenRobot::default()
+        };
+        let mut body = Body::new(&robot, 0.25, &hidden, &still, &mut Noise::new(1, 1)).expect("a body");
+        body.place(Pose {
+            x_m: 0.5,
+            y_m: 0.0,
+            yaw_rad: std::f64::consts::FRAC_PI_2,
+        });
+        body.push([0.0, 0.8], 0.0);
+        let close = |push: &Push, force: [f64; 2], moment: f64| {
+            let [x, y] = push.force_n;
+            let same =
+                (x - force[0]).abs() < 1e-9 && (y - force[1]).abs() < 1e-9 && (push.moment_n_m - moment).abs() < 1e-9;
+            assert!(same, "{push:?}");
+        };
+        let none = Forces::default();
+        close(&none.push(&body, 0.0), [0.0, 0.0], 0.0);
+        // 1 m from the anchor, 0.4 m of them slack, fastened 20 mm behind the centre of mass (below it on the page).
+        let cable = Cable {
+            stiffness_n_per_m: 2.0,
+            anchor_m: [1.5, 0.0],
+            slack_m: 0.4,
+        };
+        close(
+            &Forces {
+                cable: Some(cable),
+                ..none.clone()
+            }
+            .push(&body, 0.0),
+            [1.2, 0.0],
+            0.024,
+        );
+        let hill = Hill {
+            force_n: 3.0,
+            at_m: [0.2, 0.0],
+            width_m: 0.3,
+        };
+        close(
+            &Forces {
+                hill: Some(hill),
+                ..none.clone()
+            }
+            .push(&body, 0.0),
+            [3.0, 0.0],
+            0.0,
+        );
+        close(
+            &Forces {
+                air_n_s2_per_m2: 2.0,
+                ..none.clone()
+            }
+            .push(&body, 0.0),
+            [0.0, -2.0 * 0.64],
+            0.0,
+        );
+        close(
+            &Forces {
+                sideways_n_s_per_m: 5.0,
+                ..none.clone()
+            }
+            .push(&body, 0.0),
+            [-4.0, 0.0],
+            0.0,
+        );
+        close(
+            &Forces {
+                throb: Some((0.7, 0.5)),
+                ..none
+            }
+            .push(&body, 0.5),
+            [0.0, 0.0],
+            0.7,
+        );
+    }
+}

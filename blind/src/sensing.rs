@@ -106,3 +106,78 @@ impl Sensing {
         out
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::firmware::SetPoint;
+
+    /// Along x at 1 m/s from x = -0.5 at y = 0.3, turning at 0.2 rad/s.
+    fn trace() -> Trace {
+        let ticks = (0..480).map(|tick| {
+            let time_s = f64::from(tick) / 480.0;
+            Values {
+                pose: [time_s - 0.5, 0.3, 0.2 * time_s],
+                gyro_rad_per_s: time_s,
+                ..Values::default()
+            }
+        });
+        Trace {
+            ticks: ticks.collect(),
+            sent: vec![SetPoint::default(); 120],
+        }
+    }
+
+    fn close(found: [f64; 3], wanted: [f64; 3]) {
+        let same = found.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-9);
+        assert!(same, "{found:?} {wanted:?}");
+    }
+
+    #[test]
+    fn each_artefact_by_hand() {
+        let (trace, neutral) = (trace(), Sensing::default());
+        close(neutral.pose(&trace, 0.25), [-0.25, 0.3, 0.05]);
+        let late = Sensing {
+            latency_s: 0.05,
+            ..neutral.clone()
+        };
+        close(late.pose(&trace, 0.25), [-0.3, 0.3, 0.04]);
+        // A tenth of the field is read after a tenth of the readout.
+        let rows = Sensing {
+            readout_s: 0.02,
+            ..neutral.clone()
+        };
+        close(rows.pose(&trace, 0.25), [-0.248, 0.3, 0.0504]);
+        let marker = Sensing {
+            marker: [0.1, 0.02, 0.0],
+            ..neutral.clone()
+        };
+        close(marker.pose(&trace, 0.0), [-0.48, 0.3, 0.1]);
+        // Height 0.5 m of 2.5 m: distances to the foot at -1 m by 1.25.
+        let high = Sensing {
+            tag_height_m: 0.5,
+            ..neutral.clone()
+        };
+        close(high.pose(&trace, 0.0), [-1.0 + 1.25 * 0.5, 0.375, 0.0]);
+        let lens = Sensing {
+            lens_per_m2: 0.1,
+            ..neutral.clone()
+        };
+        close(lens.pose(&trace, 0.0), [-0.5 * 1.034, 0.3 * 1.034, 0.0]);
+        let seam = Sensing {
+            seam: [0.01, 0.0, 0.0],
+            ..neutral.clone()
+        };
+        close(seam.pose(&trace, 0.25), [-0.25, 0.3, 0.05]);
+        close(seam.pose(&trace, 0.75), [0.26, 0.3, 0.15]);
+        let clock = Sensing {
+            clock_offset_s: 0.1,
+            gyro_scale: 2.0,
+            gyro_bias_rad_per_s: 0.5,
+            ..neutral
+        };
+        let values = clock.values(&trace, 0.5);
+        assert!((values.gyro_rad_per_s - 1.3).abs() < 1e-9);
+        close(values.pose, [0.0, 0.3, 0.1]);
+    }
+}

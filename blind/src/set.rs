@@ -43,7 +43,7 @@ pub enum Kind {
 }
 
 /// Kinds of the whole bench, over and over.
-const CYCLE: [Kind; 20] = [
+const CYCLE: [Kind; 40] = [
     Kind::Single,
     Kind::None,
     Kind::Single,
@@ -64,6 +64,26 @@ const CYCLE: [Kind; 20] = [
     Kind::Shifted,
     Kind::Halves,
     Kind::Rounds,
+    Kind::Single,
+    Kind::None,
+    Kind::Single,
+    Kind::Pair,
+    Kind::None,
+    Kind::Single,
+    Kind::Unknown,
+    Kind::None,
+    Kind::Single,
+    Kind::Poor,
+    Kind::Single,
+    Kind::None,
+    Kind::Many,
+    Kind::Single,
+    Kind::Closed,
+    Kind::None,
+    Kind::Single,
+    Kind::Shifted,
+    Kind::Single,
+    Kind::None,
 ];
 
 /// What is asked of every set.

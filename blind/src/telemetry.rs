@@ -222,3 +222,21 @@ impl<'a> Tracker<'a> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn coloured_noise_has_its_size_and_its_memory() {
+        let mut noise = Noise::new(3, 4);
+        let mut colour = Coloured::new(0.01, &mut noise);
+        let values: Vec<f64> = (0..60_000).map(|_| colour.next(Some(2.0), &mut noise)).collect();
+        let mean = |f: &dyn Fn(usize) -> f64| (0..59_000).map(f).sum::<f64>() / 59_000.0;
+        let variance = mean(&|k| values[k] * values[k]);
+        assert!((variance - 4.0).abs() < 0.15, "{variance}");
+        // 30 % of the variance, e^(-0.01 / 0.08) a step.
+        let lagged = mean(&|k| values[k] * values[k + 8]) / variance;
+        assert!((lagged - 0.3 * (-1.0f64).exp()).abs() < 0.02, "{lagged}");
+    }
+}
