@@ -2,8 +2,9 @@
 //!
 //! `cargo run -p blind --example oracle -- [SEED] [KIND]`
 
+use blind::kind::Kind;
 use blind::oracle::CHANNELS;
-use blind::set::{Kind, Set, Wish};
+use blind::set::{Set, Wish};
 use clap::ValueEnum;
 
 fn main() -> anyhow::Result<()> {

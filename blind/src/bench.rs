@@ -1,13 +1,15 @@
 //! The bench: sets one after the other, each sealed, named, opened, scored, and written as a line.
 
 use crate::effects::Truth;
+use crate::fit::cosine;
+use crate::kind::Kind;
 use crate::namer::name;
-use crate::oracle::cosine;
-use crate::score::{Facts, Named, named, score};
-use crate::set::{Driven, Kind, Known, Set, Wish};
+use crate::score::{Facts, Named, named, removed, score};
+use crate::set::{Driven, Known, Set, Wish};
 use crate::telemetry::hex;
 use crate::truth::{Sealed, Vault};
 use anyhow::{Context, Result, anyhow};
+use identify::diagnose::Diagnosis;
 use identify::report::schema::{NamedEffect, Report, Verdict};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -91,14 +93,19 @@ pub fn run_set(seed: u64, number: u64, wish: &Wish, vault: &Vault) -> Result<Lin
     };
     line.seal = vault.seal(&Sealed::new(&set, &driven))?;
     let made = cpu_s();
-    let outcome = reports(&set, &driven);
+    let outcome = diagnoses(&set, &driven);
     (line.make_s, line.name_s) = (made - before, cpu_s() - made);
     let sealed = vault.open(number, &line.seal)?;
     line.known.clone_from(&sealed.known);
     let alike = |effect: &NamedEffect, known: &Known| is_alike(&set, &driven, effect, known);
     match outcome {
-        Ok(reports) => {
+        Ok(all) => {
+            let reports: Vec<Report> = all.iter().map(|one| one.report.clone()).collect();
             line.facts = score(&sealed, &reports, &alike);
+            if set.kind == Kind::Rounds {
+                let effects = |one: &Diagnosis| one.model.effects.iter().map(|e| (e.name.clone(), e.index)).collect();
+                line.facts.extend(removed(&all.iter().map(effects).collect::<Vec<_>>()));
+            }
             for report in &reports {
                 line.reports.push(hex(&Sha256::digest(report.text().as_bytes())));
                 line.verdicts.push(verdict_text(report.verdict));
@@ -123,27 +130,25 @@ fn verdict_text(verdict: Verdict) -> String {
 }
 
 /// The diagnosis with nothing but bundles, as often as the kind of set asks for.
-fn reports(set: &Set, driven: &Driven) -> Result<Vec<Report>> {
+fn diagnoses(set: &Set, driven: &Driven) -> Result<Vec<Diagnosis>> {
     let (references, runs) = (&driven.references, &driven.runs);
     match set.kind {
         Kind::Halves => {
             let (a, b) = (references.split_at(references.len() / 2), runs.split_at(runs.len() / 2));
-            Ok(vec![name(a.0, b.0, None)?.report, name(a.1, b.1, None)?.report])
+            Ok(vec![name(a.0, b.0, None)?, name(a.1, b.1, None)?])
         }
         Kind::Rounds => {
-            let first = name(references, runs, None)?;
-            let (mut reports, mut model) = (vec![first.report], first.model);
+            let mut all = vec![name(references, runs, None)?];
             for day in 1..ROUNDS {
-                // What has been accepted describes the runs of the round before: they are the references now.
+                // What has been accepted describes the runs of the first round: they are the references now.
                 let later = set.driven(day)?;
                 let count = references.len().min(runs.len());
-                let next = name(&runs[..count], &later.runs, Some(model))?;
-                reports.push(next.report);
-                model = next.model;
+                let model = all.last().map(|last| last.model.clone());
+                all.push(name(&runs[..count], &later.runs, model)?);
             }
-            Ok(reports)
+            Ok(all)
         }
-        _ => Ok(vec![name(references, runs, None)?.report]),
+        _ => Ok(vec![name(references, runs, None)?]),
     }
 }
 

@@ -2,7 +2,8 @@
 
 use anyhow::{Context, Result, bail, ensure};
 use blind::bench::{append, lines, run_set};
-use blind::set::{Kind, Wish};
+use blind::kind::Kind;
+use blind::set::Wish;
 use blind::table::markdown;
 use blind::truth::Vault;
 use clap::Parser;

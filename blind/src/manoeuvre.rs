@@ -52,7 +52,13 @@ impl Piece {
             Piece::Rest => [0.0; 3],
             Piece::Hold(twist) => twist,
             Piece::Swell(twist) => twist.map(|v| v * (std::f64::consts::PI * share).sin()),
-            Piece::StartStop(twist) => twist.map(|v| if (time_s / 0.35) as u32 % 2 == 0 { v } else { 0.0 }),
+            Piece::StartStop(twist) => twist.map(|v| {
+                if ((time_s / 0.35) as u32).is_multiple_of(2) {
+                    v
+                } else {
+                    0.0
+                }
+            }),
             Piece::Slalom([u, v, r]) => [u, v, r * (std::f64::consts::TAU * time_s / 0.8).sin()],
         }
     }
@@ -115,7 +121,7 @@ pub fn plan(robot: &Robot, style: Style, start: Pose, seconds: u32, noise: &mut 
         let rest = twists.len() < SET_POINTS_HZ as usize || noise.uniform() < 0.08;
         let duration_s = if rest { 0.8 } else { 0.9 + 1.1 * noise.uniform() };
         let sudden = style == Style::Brisk || (style == Style::Rich && noise.uniform() < 0.4);
-        let mut best: Option<(f64, Vec<[f64; 3]>, ([f64; 3], [f64; 3]))> = None;
+        let mut best: Option<Followed> = None;
         for _ in 0..CHOICES {
             let choice = if rest { Piece::Rest } else { piece(robot, style, noise) };
             let ramps = match (style, sudden) {
@@ -123,15 +129,16 @@ pub fn plan(robot: &Robot, style: Style, start: Pose, seconds: u32, noise: &mut 
                 (_, true) => [1e3; 3],
                 _ => [RAMP_M_PER_S2, RAMP_M_PER_S2, RAMP_RAD_PER_S2],
             };
-            let (path, end, outside) = follow(choice, duration_s, ramps, at);
-            if best.as_ref().is_none_or(|best| outside < best.0) {
-                best = Some((outside, path, end));
+            let followed = follow(choice, duration_s, ramps, at);
+            let good = rest || followed.2 == 0.0;
+            if best.as_ref().is_none_or(|best| followed.2 < best.2) {
+                best = Some(followed);
             }
-            if rest || outside == 0.0 {
+            if good {
                 break;
             }
         }
-        let Some((_, path, end)) = best else { break };
+        let Some((path, end, _)) = best else { break };
         twists.extend(path);
         at = end;
     }
@@ -143,10 +150,13 @@ pub fn plan(robot: &Robot, style: Style, start: Pose, seconds: u32, noise: &mut 
         .collect()
 }
 
+/// Pose and velocity.
 type State = ([f64; 3], [f64; 3]);
+/// Velocities, the end, and how far the path leaves the floor.
+type Followed = (Vec<[f64; 3]>, State, f64);
 
 /// Velocities of a piece, where it ends, and how far it leaves the floor.
-fn follow(piece: Piece, duration_s: f64, ramps: [f64; 3], from: State) -> (Vec<[f64; 3]>, State, f64) {
+fn follow(piece: Piece, duration_s: f64, ramps: [f64; 3], from: State) -> Followed {
     let dt_s = 1.0 / f64::from(SET_POINTS_HZ);
     let count = (duration_s / dt_s) as usize;
     let ([mut x, mut y, mut yaw], mut now) = from;

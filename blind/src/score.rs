@@ -1,6 +1,8 @@
 //! From a sealed truth and the reports to samples of every metric. Nothing here knows how either was made.
 
-use crate::set::{Kind, Known};
+use crate::kind::Kind;
+use crate::oracle::Visible;
+use crate::set::Known;
 use crate::truth::Sealed;
 use identify::report::schema::{NamedEffect, Report, Verdict};
 use serde::{Deserialize, Serialize};
@@ -50,7 +52,7 @@ fn is_right(effect: &NamedEffect, known: &Known, alike: Alike<'_>) -> bool {
 }
 
 fn holds(effect: &NamedEffect, known: &Known, alike: Alike<'_>) -> bool {
-    is_right(effect, known, alike) || effect.alternatives.iter().any(|name| *name == known.best.name)
+    is_right(effect, known, alike) || effect.alternatives.contains(&known.best.name)
 }
 
 /// Effects of a report with what the truth says of them.
@@ -187,11 +189,11 @@ pub fn score(sealed: &Sealed, reports: &[Report], alike: Alike<'_>) -> Facts {
     let Some(report) = reports.first() else {
         return scorer.facts;
     };
-    let first = sealed.known.first();
+    let shown = sealed.known.first().filter(|known| known.detectable);
     match sealed.kind {
         Kind::Single => {
             scorer.wrong("wrong_confirmed", sealed, report);
-            if let Some(known) = first {
+            if let Some(known) = sealed.known.first() {
                 single(&mut scorer, known, report);
             }
         }
@@ -199,71 +201,78 @@ pub fn score(sealed: &Sealed, reports: &[Report], alike: Alike<'_>) -> Facts {
             scorer.check("named_nothing_there", !report.effects.is_empty());
             scorer.wrong("wrong_confirmed", sealed, report);
         }
-        Kind::Pair => {
-            scorer.wrong("wrong_confirmed", sealed, report);
-            if sealed.known.iter().all(|known| known.detectable) {
-                let found = found(sealed, report, alike);
-                scorer.check("both_named", found == sealed.known.len());
-                scorer.check("one_named", found > 0);
-                scorer.gaps("explained_two", report);
-            }
-        }
-        Kind::Many => {
-            scorer.wrong("wrong_confirmed_many", sealed, report);
-            for known in sealed.known.iter().filter(|known| known.detectable) {
-                let named = report.effects.iter().any(|effect| is_right(effect, known, alike));
-                scorer.check("named_of_many", named);
-            }
-            scorer.gaps("explained_many", report);
-        }
+        Kind::Pair => pair(&mut scorer, sealed, report),
+        Kind::Many => many(&mut scorer, sealed, report),
         Kind::Unknown => {
             scorer.wrong("wrong_confirmed", sealed, report);
-            if sealed
-                .unknown_visible
-                .as_ref()
-                .is_some_and(|visible| visible.is_detectable())
-            {
+            if sealed.unknown_visible.as_ref().is_some_and(Visible::is_detectable) {
                 let open = matches!(report.verdict, Verdict::Unexplained | Verdict::Partial);
                 scorer.check("unknown_left_open", open);
             }
         }
-        Kind::Poor => {
-            scorer.wrong("wrong_confirmed_poor", sealed, report);
-            if let Some(known) = first.filter(|known| known.visible.largest() < UNEXCITED) {
-                let named = report.effects.iter().any(|effect| holds(effect, known, alike));
-                scorer.check("unexcited_not_named", !named);
-                let listed = report.untestable.iter().any(|other| other.name == known.best.name);
-                scorer.check("unexcited_listed_untestable", listed);
-            }
-        }
+        Kind::Poor => poor(&mut scorer, sealed, report),
         Kind::Closed => {
             scorer.wrong("wrong_confirmed_closed", sealed, report);
-            if let Some(known) = first.filter(|known| known.detectable) {
+            if let Some(known) = shown {
                 scorer.first_and_set("_closed", known, report);
             }
         }
         Kind::Shifted => {
             scorer.wrong("wrong_confirmed_shifted", sealed, report);
-            if let Some(known) = first.filter(|known| known.detectable) {
+            if let Some(known) = shown {
                 scorer.first_and_set("_shifted", known, report);
             }
         }
-        Kind::Halves => {
-            if let Some(other) = reports.get(1) {
-                scorer.check("halves_same_verdict", report.verdict == other.verdict);
-                let names = |report: &Report| {
-                    report
-                        .effects
-                        .iter()
-                        .map(|e| (e.name.clone(), e.index))
-                        .collect::<Vec<_>>()
-                };
-                scorer.check("halves_same_names", names(report) == names(other));
-            }
-        }
+        Kind::Halves => halves(&mut scorer, reports),
         Kind::Rounds => rounds(&mut scorer, reports),
     }
     scorer.facts
+}
+
+fn pair(scorer: &mut Scorer<'_>, sealed: &Sealed, report: &Report) {
+    scorer.wrong("wrong_confirmed", sealed, report);
+    if sealed.known.iter().all(|known| known.detectable) {
+        let is_found = |known: &&Known| {
+            report
+                .effects
+                .iter()
+                .any(|effect| is_right(effect, known, scorer.alike))
+        };
+        let found = sealed.known.iter().filter(is_found).count();
+        scorer.check("both_named", found == sealed.known.len());
+        scorer.check("one_named", found > 0);
+        scorer.gaps("explained_two", report);
+    }
+}
+
+fn many(scorer: &mut Scorer<'_>, sealed: &Sealed, report: &Report) {
+    scorer.wrong("wrong_confirmed_many", sealed, report);
+    for known in sealed.known.iter().filter(|known| known.detectable) {
+        let named = report
+            .effects
+            .iter()
+            .any(|effect| is_right(effect, known, scorer.alike));
+        scorer.check("named_of_many", named);
+    }
+    scorer.gaps("explained_many", report);
+}
+
+fn poor(scorer: &mut Scorer<'_>, sealed: &Sealed, report: &Report) {
+    scorer.wrong("wrong_confirmed_poor", sealed, report);
+    let unexcited = sealed.known.first().filter(|known| known.visible.largest() < UNEXCITED);
+    if let Some(known) = unexcited {
+        let named = report.effects.iter().any(|effect| holds(effect, known, scorer.alike));
+        scorer.check("unexcited_not_named", !named);
+        let listed = report.untestable.iter().any(|other| other.name == known.best.name);
+        scorer.check("unexcited_listed_untestable", listed);
+    }
+}
+
+fn halves(scorer: &mut Scorer<'_>, reports: &[Report]) {
+    let [a, b, ..] = reports else { return };
+    scorer.check("halves_same_verdict", a.verdict == b.verdict);
+    let names = |report: &Report| -> Vec<_> { report.effects.iter().map(|e| (e.name.clone(), e.index)).collect() };
+    scorer.check("halves_same_names", names(a) == names(b));
 }
 
 fn single(scorer: &mut Scorer<'_>, known: &Known, report: &Report) {
@@ -272,6 +281,8 @@ fn single(scorer: &mut Scorer<'_>, known: &Known, report: &Report) {
         return;
     }
     scorer.first_and_set("", known, report);
+    let exact = report.effects.first().is_some_and(|effect| is_same(effect, known));
+    scorer.check("right_first_exact", exact);
     let untestable = report.untestable.iter().any(|other| other.name == known.best.name);
     scorer.check("detectable_called_untestable", untestable);
     scorer.parameters(known, report);
@@ -284,12 +295,7 @@ fn single(scorer: &mut Scorer<'_>, known: &Known, report: &Report) {
     }
 }
 
-fn found(sealed: &Sealed, report: &Report, alike: Alike<'_>) -> usize {
-    let is_found = |known: &&Known| report.effects.iter().any(|effect| is_right(effect, known, alike));
-    sealed.known.iter().filter(is_found).count()
-}
-
-/// The gap that a round meets against the one that the round before met, and effects that went away.
+/// The gap that a round meets against the one that the round before met.
 fn rounds(scorer: &mut Scorer<'_>, reports: &[Report]) {
     for pair in reports.windows(2) {
         let mut logs = Vec::new();
@@ -308,4 +314,21 @@ fn rounds(scorer: &mut Scorer<'_>, reports: &[Report]) {
             scorer.add("gap_ratio_of_rounds", mean.exp());
         }
     }
+}
+
+/// Effects of a model version that the next one no longer has.
+///
+/// - `models`: name and wheel of every effect, round after round.
+pub fn removed(models: &[Vec<(String, Option<usize>)>]) -> Facts {
+    let mut facts = Facts::new();
+    for pair in models.windows(2) {
+        for effect in &pair[0] {
+            let gone = !pair[1].contains(effect);
+            facts
+                .entry("accepted_then_removed".to_owned())
+                .or_default()
+                .push(f64::from(u8::from(gone)));
+        }
+    }
+    facts
 }

@@ -1,11 +1,13 @@
 //! Sets: what each number of the bench is, and its runs.
 
-use crate::background::{CHASSIS, background, robot};
+use crate::background::{background, robot};
 use crate::change::Change;
 use crate::drive::{RunStart, Trace, drive};
 use crate::effects::{Truth, applicable, apply, draw, wants_stiff_gears};
+use crate::fit::best;
+use crate::kind::{Kind, chassis, effect_name};
 use crate::manoeuvre::{Style, Task, plan};
-use crate::oracle::{Pair, Visible, best, visible};
+use crate::oracle::{Pair, Visible, visible};
 use crate::telemetry::bundle;
 use crate::unknown;
 use anyhow::{Result, anyhow};
@@ -13,78 +15,7 @@ use emulator::noise::Noise;
 use emulator::plant::Pose;
 use identify::diagnose::Run;
 use serde::{Deserialize, Serialize};
-use twin::effect::library::LIBRARY;
 use twin::robot::{Robot, RobotDescription};
-
-/// What a set tries.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, clap::ValueEnum)]
-#[serde(rename_all = "lowercase")]
-pub enum Kind {
-    /// One effect of the library
-    Single,
-    /// Nothing changed
-    None,
-    /// Two effects
-    Pair,
-    /// Four to six effects at once, no references
-    Many,
-    /// An effect that the library does not have
-    Unknown,
-    /// One effect, driven so that it does not show
-    Poor,
-    /// One effect, nothing but a task in a closed loop
-    Closed,
-    /// One effect; references driven otherwise than the changed runs
-    Shifted,
-    /// One effect, two disjoint halves
-    Halves,
-    /// Two effects, three rounds of diagnose, accept, rerun
-    Rounds,
-}
-
-/// Kinds of the whole bench, over and over.
-const CYCLE: [Kind; 40] = [
-    Kind::Single,
-    Kind::None,
-    Kind::Single,
-    Kind::Pair,
-    Kind::None,
-    Kind::Single,
-    Kind::Unknown,
-    Kind::None,
-    Kind::Single,
-    Kind::Poor,
-    Kind::Single,
-    Kind::None,
-    Kind::Many,
-    Kind::Single,
-    Kind::Closed,
-    Kind::None,
-    Kind::Single,
-    Kind::Shifted,
-    Kind::Halves,
-    Kind::Rounds,
-    Kind::Single,
-    Kind::None,
-    Kind::Single,
-    Kind::Pair,
-    Kind::None,
-    Kind::Single,
-    Kind::Unknown,
-    Kind::None,
-    Kind::Single,
-    Kind::Poor,
-    Kind::Single,
-    Kind::None,
-    Kind::Many,
-    Kind::Single,
-    Kind::Closed,
-    Kind::None,
-    Kind::Single,
-    Kind::Shifted,
-    Kind::Single,
-    Kind::None,
-];
 
 /// What is asked of every set.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -152,19 +83,6 @@ pub struct Driven {
 
 /// Runs that the oracle looks at.
 const ORACLE_RUNS: usize = 2;
-/// Effects of an unexcited set, which driving slowly straight on hides.
-const HIDDEN_WHEN_SLOW: [&str; 9] = [
-    "wheel_speed_saturation",
-    "body_speed_saturation",
-    "acceleration_limit",
-    "lateral_slip",
-    "track_width",
-    "gyro_scale",
-    "steering_scale",
-    "steering_lag",
-    "floor_friction",
-];
-
 /// splitmix64 (Steele, Lea, Flood 2014).
 fn mixed(seed: u64, number: u64) -> u64 {
     let mut z = seed.wrapping_add(number.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
@@ -178,15 +96,7 @@ impl Set {
     ///
     /// - Errors: a chassis or an effect that does not exist, or not together.
     pub fn new(seed: u64, number: u64, wish: &Wish) -> Result<Set> {
-        let kind = wish.kind.unwrap_or(CYCLE[(number % CYCLE.len() as u64) as usize]);
-        let ordinal = match wish.kind {
-            Some(_) => number,
-            None => {
-                let (cycle, place) = (number / CYCLE.len() as u64, number as usize % CYCLE.len());
-                let count = |kinds: &[Kind]| kinds.iter().filter(|other| **other == kind).count() as u64;
-                cycle * count(&CYCLE) + count(&CYCLE[..place])
-            }
-        };
+        let (kind, ordinal) = Kind::of(wish.kind, number);
         let set_seed = mixed(seed, number);
         let mut noise = Noise::new(set_seed, 11);
         let name = effect_name(kind, seed, ordinal, wish)?;
@@ -375,49 +285,4 @@ impl Set {
     pub fn sensing(&self) -> &crate::sensing::Sensing {
         &self.changed.sensing
     }
-}
-
-/// The first effect of a set: every one in turn, in an order of the seed.
-fn effect_name(kind: Kind, seed: u64, ordinal: u64, wish: &Wish) -> Result<Option<&'static str>> {
-    if matches!(kind, Kind::None | Kind::Unknown) {
-        return Ok(None);
-    }
-    if let Some(name) = &wish.effect {
-        let entry = LIBRARY.iter().find(|entry| entry.name == name.as_str());
-        return entry
-            .map(|entry| Some(entry.name))
-            .ok_or_else(|| anyhow!("effect {name:?} is not in the library; docs/effects.md lists its names"));
-    }
-    let mut names: Vec<&'static str> = match kind {
-        Kind::Poor => HIDDEN_WHEN_SLOW.to_vec(),
-        _ => LIBRARY.iter().map(|entry| entry.name).collect(),
-    };
-    let lap = ordinal / names.len() as u64;
-    let mut noise = Noise::new(seed ^ (kind as u64) << 32, lap);
-    for place in (1..names.len()).rev() {
-        names.swap(place, (noise.uniform() * (place + 1) as f64) as usize);
-    }
-    Ok(Some(names[(ordinal % names.len() as u64) as usize]))
-}
-
-fn chassis(effect: Option<&str>, wish: &Wish, noise: &mut Noise) -> Result<String> {
-    let possible = |chassis: &&str| {
-        let robot = robot(chassis, false);
-        effect.is_none_or(|name| applicable(&robot).iter().any(|entry| entry.name == name))
-    };
-    let wished = |chassis: &&str| wish.chassis.as_ref().is_none_or(|wished| wished == chassis);
-    let choices: Vec<&str> = CHASSIS
-        .into_iter()
-        .filter(|chassis| possible(chassis) && wished(chassis))
-        .collect();
-    if choices.is_empty() {
-        let what = wish.chassis.clone().unwrap_or_default();
-        return Err(anyhow!(
-            "no chassis {what:?} for effect {:?}; chassis are {}",
-            effect.unwrap_or("none"),
-            CHASSIS.join(", ")
-        ));
-    }
-    let choice = (noise.uniform() * choices.len() as f64) as usize;
-    Ok(choices[choice.min(choices.len() - 1)].to_owned())
 }

@@ -1,8 +1,9 @@
 //! The sealed truth: written and hashed before the namer sees anything.
 
 use crate::effects::Truth;
+use crate::kind::Kind;
 use crate::oracle::Visible;
-use crate::set::{Driven, Kind, Known, Set};
+use crate::set::{Driven, Known, Set};
 use crate::telemetry::hex;
 use anyhow::{Context, Result, ensure};
 use serde::{Deserialize, Serialize};

@@ -3,7 +3,8 @@
 use blind::background::{CHASSIS, background, robot};
 use blind::bench::{Line, append, lines, run_set};
 use blind::effects::{applicable, apply, draw};
-use blind::set::{Kind, Set, Wish};
+use blind::kind::Kind;
+use blind::set::{Set, Wish};
 use blind::table::markdown;
 use blind::truth::{Sealed, Vault};
 use emulator::noise::Noise;

@@ -1,9 +1,10 @@
 //! The scorer on reports made by hand.
 
 use blind::effects::Truth;
+use blind::kind::Kind;
 use blind::oracle::Visible;
 use blind::score::{Facts, score};
-use blind::set::{Kind, Known};
+use blind::set::Known;
 use blind::truth::Sealed;
 use identify::report::schema::{NamedEffect, Report};
 use serde_json::{Value, json};
