@@ -122,7 +122,7 @@ fn another_wheel_is_wrong_and_an_alternative_is_in_the_set() {
     let wrong = effect("wheel_radius_one", Some(0), &[], &[("relative", 0.02, 0.01, 0.03)]);
     let facts = score(
         &sealed,
-        &[report("confirmed", &[wrong.clone()], &[], &["pose"])],
+        &[report("confirmed", std::slice::from_ref(&wrong), &[], &["pose"])],
         &never,
     );
     assert_eq!(
@@ -183,7 +183,11 @@ fn components_of_a_vector_count_against_its_length() {
 fn nothing_pairs_unknowns_and_poor_runs() {
     let any = effect("floor_friction", None, &[], &[("scale", 0.5, 0.4, 0.6)]);
     let nothing = sealed(Kind::None, Vec::new());
-    let facts = score(&nothing, &[report("confirmed", &[any.clone()], &[], &[])], &never);
+    let facts = score(
+        &nothing,
+        &[report("confirmed", std::slice::from_ref(&any), &[], &[])],
+        &never,
+    );
     assert_eq!(
         (one(&facts, "named_nothing_there"), one(&facts, "wrong_confirmed")),
         (Some(1.0), Some(1.0))
@@ -200,7 +204,7 @@ fn nothing_pairs_unknowns_and_poor_runs() {
     ];
     let facts = score(
         &sealed(Kind::Pair, two),
-        &[report("partial", &[any.clone()], &[], &[])],
+        &[report("partial", std::slice::from_ref(&any), &[], &[])],
         &never,
     );
     assert_eq!(
