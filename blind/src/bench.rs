@@ -79,10 +79,12 @@ pub fn cpu_s() -> f64 {
 
 /// Drives, seals, names, opens and scores one set.
 ///
+/// - `keep`: a folder for bundles and reports as files.
 /// - Errors: the bench itself cannot go on; what a set does wrong stands in its line.
-pub fn run_set(seed: u64, number: u64, wish: &Wish, vault: &Vault) -> Result<Line> {
+pub fn run_set(seed: u64, number: u64, wish: &Wish, vault: &Vault, keep: Option<&Path>) -> Result<Line> {
     let before = cpu_s();
-    let set = Set::new(seed, number, wish)?;
+    let mut set = Set::new(seed, number, wish)?;
+    set.keep = keep.map(|folder| folder.join(format!("{number:06}")));
     let mut line = Line::empty(&set);
     let driven = match set.driven(0) {
         Ok(driven) => driven,
@@ -106,7 +108,10 @@ pub fn run_set(seed: u64, number: u64, wish: &Wish, vault: &Vault) -> Result<Lin
                 let effects = |one: &Diagnosis| one.model.effects.iter().map(|e| (e.name.clone(), e.index)).collect();
                 line.facts.extend(removed(&all.iter().map(effects).collect::<Vec<_>>()));
             }
-            for report in &reports {
+            for (position, report) in reports.iter().enumerate() {
+                if let Some(folder) = &set.keep {
+                    fs::write(folder.join(format!("report-{position}.json")), report.text())?;
+                }
                 line.reports.push(hex(&Sha256::digest(report.text().as_bytes())));
                 line.verdicts.push(verdict_text(report.verdict));
                 line.named.push(named(&sealed, report, &alike));

@@ -45,6 +45,12 @@ struct Arguments {
     /// Begin no set after this many minutes
     #[arg(long)]
     minutes: Option<f64>,
+    /// Only these numbers, made again
+    #[arg(long, num_args = 1..)]
+    only: Vec<u64>,
+    /// Leave run bundles and reports as files beside the truths
+    #[arg(long)]
+    keep: bool,
     /// Only the table of what is there
     #[arg(long)]
     table: bool,
@@ -98,11 +104,17 @@ fn run(arguments: &Arguments, shard: u64, shards: u64, out: &std::path::Path) ->
     let numbers: Vec<u64> = (0..arguments.sets)
         .filter(|number| number % shards == shard && !done.contains(number))
         .collect();
+    let numbers = if arguments.only.is_empty() {
+        numbers
+    } else {
+        arguments.only.clone()
+    };
     let limit = match (arguments.quick, arguments.minutes) {
         (_, Some(minutes)) => Some(Duration::from_secs_f64(60.0 * minutes)),
         (true, None) => Some(QUICK),
         _ => None,
     };
+    let keep = arguments.keep.then(|| out.join("kept"));
     let bar = ProgressBar::new(numbers.len() as u64);
     if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} {elapsed} left {eta} {msg}") {
         bar.set_style(style);
@@ -117,7 +129,7 @@ fn run(arguments: &Arguments, shard: u64, shards: u64, out: &std::path::Path) ->
             break;
         }
         let begun = Instant::now();
-        let line = run_set(arguments.seed, number, &wish, &vault)?;
+        let line = run_set(arguments.seed, number, &wish, &vault, keep.as_deref())?;
         append(&path, &line)?;
         longest = longest.max(begun.elapsed());
         bar.inc(1);

@@ -8,13 +8,15 @@ use crate::fit::best;
 use crate::kind::{Kind, chassis, effect_name};
 use crate::manoeuvre::{Style, Task, plan};
 use crate::oracle::{Pair, Visible, visible};
-use crate::telemetry::bundle;
+use crate::sensing::Sensing;
+use crate::telemetry::Texts;
 use crate::unknown;
 use anyhow::{Result, anyhow};
 use emulator::noise::Noise;
 use emulator::plant::Pose;
 use identify::diagnose::Run;
 use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
 use twin::robot::{Robot, RobotDescription};
 
 /// What is asked of every set.
@@ -52,6 +54,8 @@ pub struct Set {
     pub truths: Vec<Truth>,
     pub unknown: Option<String>,
     pub wish: Wish,
+    /// Where run bundles are left as files.
+    pub keep: Option<PathBuf>,
     /// The same robot in the plant's words.
     plant: api::robot::RobotDescription,
     base: Change,
@@ -142,6 +146,7 @@ impl Set {
             truths,
             unknown: unknown_name,
             wish: wish.clone(),
+            keep: None,
             base,
             changed,
         })
@@ -169,13 +174,13 @@ impl Set {
             let seed = self.run_seed(day, number as u64, true);
             let trace = self.run(&robot, &self.base, seed, true, None)?;
             let path = format!("reference-{day}-{number}");
-            references.push(bundle(&path, &self.robot, &trace, &self.base.sensing, seed, true)?);
+            references.push(self.measured(&path, &trace, &self.base.sensing, seed, true)?);
         }
         for number in 0..count_runs {
             let seed = self.run_seed(day, number as u64, false);
             let trace = self.run(&robot, &self.changed, seed, false, None)?;
             let path = format!("run-{day}-{number}");
-            runs.push(bundle(&path, &self.robot, &trace, &self.changed.sensing, seed, false)?);
+            runs.push(self.measured(&path, &trace, &self.changed.sensing, seed, false)?);
             if number < ORACLE_RUNS {
                 traces.push((seed, trace));
             }
@@ -195,6 +200,14 @@ impl Set {
             unknown,
             trace: traces.into_iter().next().map(|(_, trace)| trace).unwrap_or_default(),
         })
+    }
+
+    fn measured(&self, path: &str, trace: &Trace, sensing: &Sensing, seed: u64, reference: bool) -> Result<Run> {
+        let texts = Texts::new(&self.robot, trace, sensing, seed, reference)?;
+        if let Some(folder) = &self.keep {
+            texts.write(&folder.join(path))?;
+        }
+        texts.read(path)
     }
 
     fn run_seed(&self, day: u64, number: u64, reference: bool) -> u64 {
@@ -282,7 +295,7 @@ impl Set {
     }
 
     /// Sensors of the changed runs.
-    pub fn sensing(&self) -> &crate::sensing::Sensing {
+    pub fn sensing(&self) -> &Sensing {
         &self.changed.sensing
     }
 }

@@ -9,6 +9,7 @@ use identify::bundle::Bundle;
 use identify::diagnose::Run;
 use sha2::{Digest, Sha256};
 use std::fmt::Write;
+use std::path::Path;
 use twin::robot::RobotDescription;
 
 /// Ticks between the robot's own samples: 96 a second.
@@ -43,30 +44,57 @@ impl Coloured {
     }
 }
 
-/// A bundle of what was measured in a run.
-///
-/// - Errors: what the reader refuses.
-pub fn bundle(
-    path: &str,
-    description: &RobotDescription,
-    trace: &Trace,
-    sensing: &Sensing,
-    seed: u64,
-    reference: bool,
-) -> Result<Run> {
-    let csv = csv(description, trace, sensing, seed);
-    let robot = serde_json::to_string(description)?;
-    let json = format!(
-        "{{\"format\":\"robopheus.run/1\",\"robot\":{robot},\"floor\":\"hall\",\"label\":\"blind\",\"started\":\"2026-01-01T00:00:00Z\",\"change_free_reference\":{reference}}}"
-    );
-    let mut hash = Sha256::new();
-    hash.update(json.as_bytes());
-    hash.update(csv.as_bytes());
-    Ok(Run {
-        path: path.to_owned(),
-        sha256: hex(&hash.finalize()),
-        bundle: Bundle::parse(&json, csv.as_bytes()).map_err(|error| anyhow!("{path}: {error}"))?,
-    })
+/// The two files of a run bundle.
+pub struct Texts {
+    run_json: String,
+    telemetry_csv: String,
+}
+
+impl Texts {
+    /// What was measured in a run.
+    ///
+    /// - Errors: a description that JSON cannot hold.
+    pub fn new(
+        description: &RobotDescription,
+        trace: &Trace,
+        sensing: &Sensing,
+        seed: u64,
+        reference: bool,
+    ) -> Result<Texts> {
+        let robot = serde_json::to_string(description)?;
+        let run_json = format!(
+            "{{\"format\":\"robopheus.run/1\",\"robot\":{robot},\"floor\":\"hall\",\"label\":\"blind\",\"started\":\"2026-01-01T00:00:00Z\",\"change_free_reference\":{reference}}}"
+        );
+        Ok(Texts {
+            run_json,
+            telemetry_csv: csv(description, trace, sensing, seed),
+        })
+    }
+
+    /// Through the public reader.
+    ///
+    /// - Errors: what the reader refuses.
+    pub fn read(&self, path: &str) -> Result<Run> {
+        let mut hash = Sha256::new();
+        hash.update(self.run_json.as_bytes());
+        hash.update(self.telemetry_csv.as_bytes());
+        let bundle = Bundle::parse(&self.run_json, self.telemetry_csv.as_bytes());
+        Ok(Run {
+            path: path.to_owned(),
+            sha256: hex(&hash.finalize()),
+            bundle: bundle.map_err(|error| anyhow!("{path}: {error}"))?,
+        })
+    }
+
+    /// As a folder that `robopheus diagnose` takes.
+    ///
+    /// - Errors: the disk's.
+    pub fn write(&self, folder: &Path) -> Result<()> {
+        std::fs::create_dir_all(folder)?;
+        std::fs::write(folder.join("run.json"), &self.run_json)?;
+        std::fs::write(folder.join("telemetry.csv"), &self.telemetry_csv)?;
+        Ok(())
+    }
 }
 
 /// Lower-case hexadecimal.

@@ -32,7 +32,7 @@ fn small() -> Wish {
 fn made(name: &str) -> (PathBuf, Line) {
     let out = folder(name);
     let vault = Vault::new(&out).expect("a vault");
-    let mut line = run_set(5, 2, &small(), &vault).expect("a set");
+    let mut line = run_set(5, 2, &small(), &vault, Some(&out)).expect("a set");
     assert!(line.make_s > 0.0 && line.name_s > 0.0);
     (line.make_s, line.name_s) = (0.0, 0.0);
     (out, line)
@@ -46,6 +46,11 @@ fn the_same_seed_gives_the_same_bytes_and_results_are_read_again() {
     assert_eq!((line.reports.len(), line.known.len()), (1, 1));
     let text = |folder: &PathBuf| std::fs::read(folder.join("truth/000002.json")).expect("a truth");
     assert_eq!(text(&out), text(&other));
+    // What was kept are bundles that the public reader takes, the same bytes.
+    let run = std::fs::read_to_string(out.join("000002/run-0-0/run.json")).expect("kept");
+    let telemetry = std::fs::read(out.join("000002/run-0-0/telemetry.csv")).expect("kept");
+    assert!(identify::bundle::Bundle::parse(&run, &telemetry).is_ok());
+    assert!(out.join("000002/report-0.json").is_file());
     // Another number is another set.
     let next = Set::new(5, 3, &small()).expect("a set");
     assert_ne!(next.seed, Set::new(5, 2, &small()).expect("a set").seed);
