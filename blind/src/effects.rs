@@ -1,7 +1,9 @@
 //! The library's effects in the plant: which sizes a set draws, and what they change.
 
 use crate::change::Change;
+use crate::firmware::Firmware;
 use crate::forces::Cable;
+use crate::sensing::Sensing;
 use emulator::hidden::FrictionPatch;
 use emulator::noise::Noise;
 use emulator::plant::TICK_HZ;
@@ -172,11 +174,23 @@ fn place(truth: &mut Truth, robot: &RobotDescription, noise: &mut Noise) {
 
 /// Changes the plant, the firmware or the sensors by an effect.
 pub fn apply(change: &mut Change, truth: &Truth, robot: &RobotDescription) {
+    command(&mut change.firmware, truth, motor_of(truth, robot));
+    sense(&mut change.sensing, truth);
+    wear(change, truth, robot);
+}
+
+/// Position among the driven wheels of an effect's wheel.
+fn motor_of(truth: &Truth, robot: &RobotDescription) -> usize {
+    let before = robot.wheels.iter().take(truth.index.unwrap_or(0));
+    before.filter(|wheel| wheel.driven).count()
+}
+
+/// Robot, floor and forces.
+fn wear(change: &mut Change, truth: &Truth, robot: &RobotDescription) {
     let value = |name: &str| truth.value(name);
-    let wheel = truth.index.unwrap_or(0);
-    let motor = robot.wheels.iter().take(wheel).filter(|wheel| wheel.driven).count();
+    let (wheel, motor) = (truth.index.unwrap_or(0), motor_of(truth, robot));
     let mass_kg = robot.mass_kg * change.hidden.mass_scale;
-    let (h, s, f) = (&mut change.hidden, &mut change.sensing, &mut change.firmware);
+    let h = &mut change.hidden;
     match truth.name.as_str() {
         "coulomb_friction" => h.wear.coulomb_n_m += value("torque"),
         "viscous_friction" => h.wear.viscous_n_m_s += value("coefficient"),
@@ -185,15 +199,8 @@ pub fn apply(change: &mut Change, truth: &Truth, robot: &RobotDescription) {
             h.wear.breakaway_rad_per_s = value("speed");
         }
         "asymmetric_friction" => h.wear.friction_asymmetry = value("difference"),
-        "command_dead_band" => f.dead_band_rad_per_s = value("width"),
-        "wheel_speed_saturation" => f.wheel_limit_rad_per_s = value("limit"),
-        "body_speed_saturation" => f.body_limit = [value("forward"), value("left"), value("yaw_rate")],
-        "acceleration_limit" => f.slew_m_per_s2 = value("limit"),
         "battery_sag" => h.battery_resistance_ohm += value("resistance"),
         "battery_droop" => change.droop_v_per_s += value("rate"),
-        "motor_lag" => f.lag_s = value("time_constant"),
-        "command_delay" => f.delay_ticks += (value("delay") * f64::from(TICK_HZ)).round() as usize,
-        "command_hold" => (f.loss_rate, f.loss_burst_s) = (value("loss_rate"), value("burst")),
         "wheel_radius" => h
             .wheel_radius_scale
             .iter_mut()
@@ -231,7 +238,6 @@ pub fn apply(change: &mut Change, truth: &Truth, robot: &RobotDescription) {
         "roller_drag" => h.wear.roller_viscous_n_s_per_m += value("per_wheel"),
         "wheel_eccentricity" => h.wear.run_out[wheel] = [value("amplitude"), value("phase")],
         "weak_motor" => h.torque_constant_scale[motor] *= value("gain"),
-        "encoder_scale" => f.encoder_scale[motor] *= 1.0 + value("relative"),
         "thermal_drift" => (h.wear.heating, h.wear.heating_s) = (value("relative"), value("time_constant")),
         "rolling_resistance" => change.floor.rolling_resistance += value("coefficient"),
         "caster_swivel" => (h.wear.swivel_n_m, h.wear.swivel_trail_m) = (value("torque"), value("trail")),
@@ -243,6 +249,30 @@ pub fn apply(change: &mut Change, truth: &Truth, robot: &RobotDescription) {
                 slack_m: value("slack"),
             });
         }
+        _ => {}
+    }
+}
+
+/// Set-points and encoders.
+fn command(f: &mut Firmware, truth: &Truth, motor: usize) {
+    let value = |name: &str| truth.value(name);
+    match truth.name.as_str() {
+        "command_dead_band" => f.dead_band_rad_per_s = value("width"),
+        "wheel_speed_saturation" => f.wheel_limit_rad_per_s = value("limit"),
+        "body_speed_saturation" => f.body_limit = [value("forward"), value("left"), value("yaw_rate")],
+        "acceleration_limit" => f.slew_m_per_s2 = value("limit"),
+        "motor_lag" => f.lag_s = value("time_constant"),
+        "command_delay" => f.delay_ticks += (value("delay") * f64::from(TICK_HZ)).round() as usize,
+        "command_hold" => (f.loss_rate, f.loss_burst_s) = (value("loss_rate"), value("burst")),
+        "encoder_scale" => f.encoder_scale[motor] *= 1.0 + value("relative"),
+        _ => {}
+    }
+}
+
+/// Sensors and clocks.
+fn sense(s: &mut Sensing, truth: &Truth) {
+    let value = |name: &str| truth.value(name);
+    match truth.name.as_str() {
         "localization_latency" => s.latency_s += value("latency"),
         "rolling_shutter" => s.readout_s += value("readout"),
         "clock_offset" => s.clock_offset_s += value("offset"),
