@@ -1,5 +1,9 @@
 //! Hidden configuration: what the emulated robots and floors really are. Only this process reads it.
 
+mod wear;
+
+pub use wear::Wear;
+
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -143,6 +147,7 @@ pub struct HiddenRobot {
     pub battery_charge: f64,
     pub gyro_bias_rad_per_s: f64,
     pub steering_play_rad: f64,
+    pub wear: Wear,
     /// Absent: the robot carries none.
     pub magnetometer: Option<HiddenMagnetometer>,
 }
@@ -181,6 +186,7 @@ impl Default for HiddenRobot {
             battery_charge: 0.8,
             gyro_bias_rad_per_s: 0.0,
             steering_play_rad: 0.0,
+            wear: Wear::default(),
             magnetometer: None,
         }
     }

@@ -190,6 +190,9 @@ fn check_angles(telemetry: &Telemetry) -> Result<(), BundleError> {
     check_turning(telemetry)
 }
 
+/// Steps of the yaw from here on are a tracker's errors, rad.
+const FLIP_RAD: f64 = 2.0;
+
 /// Heading change per second from poses and from the gyro must agree in order of magnitude.
 ///
 /// A yaw written in degrees stays within +-pi while the robot hardly turns, and a gyro in deg/s has no limit; their ratio
@@ -202,6 +205,8 @@ fn check_turning(telemetry: &Telemetry) -> Result<(), BundleError> {
         .values
         .windows(2)
         .map(|pair| twin::pose::wrapped_rad(pair[1] - pair[0]))
+        // Half a turn there and back of a flipped tag adds up to a whole one.
+        .filter(|step| step.abs() < FLIP_RAD)
         .sum();
     let time_of = |row: u32| telemetry.time_s[row as usize];
     let mut integrated = 0.0;

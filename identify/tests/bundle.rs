@@ -83,6 +83,22 @@ fn degrees_are_refused() {
 }
 
 #[test]
+fn a_tag_that_flips_has_not_turned() {
+    let mut csv = "time_s,pose_yaw_rad,gyro_z_rad_per_s\n".to_owned();
+    for step in 0..100 {
+        // Half a turn and a little: there and back are both less than half a turn the other way.
+        let flip = if step % 7 == 3 {
+            -core::f64::consts::PI + 0.007
+        } else {
+            0.0
+        };
+        let yaw = 0.015 * f64::from(step) + flip;
+        csv.push_str(&format!("{},{yaw},0.15\n", 0.1 * f64::from(step)));
+    }
+    assert!(parse(&csv).is_ok());
+}
+
+#[test]
 fn odd_channels_are_remarked() {
     let csv = "time_s,command_wheel_0_rad_per_s,bus_v,current_0_a,mood\n0.0,1,24,,x\n0.1,1,24,,y\n3.0,1,24,,z\n";
     let Ok(bundle) = parse(csv) else { panic!("refused") };

@@ -11,6 +11,8 @@ use crate::paths;
 /// Which package may depend directly on which others of the workspace.
 const EDGES: &[(&str, &[&str])] = &[
     ("api", &[]),
+    // The diagnosis on runs of the plant, scored.
+    ("blind", &["api", "emulator", "identify", "robot", "twin"]),
     ("bundles", &["identify"]),
     ("client", &["api", "bundles", "control", "identify", "twin"]),
     ("control", &["twin"]),

@@ -2,6 +2,7 @@
 
 mod arch;
 mod bench;
+mod blind;
 mod builds;
 mod bundle;
 mod check;
@@ -65,8 +66,8 @@ enum Verb {
     Demo,
     /// One page with what each chassis and each effect does, in target/gallery.html
     Gallery,
-    /// Blind identification bench
-    Blind,
+    /// Blind identification bench; its options: `cargo xtask blind -- --help`
+    Blind(blind::BlindArguments),
 }
 
 fn main() -> ExitCode {
@@ -86,7 +87,7 @@ fn main() -> ExitCode {
             "the paper's experiments A, B, C have no command-line tables yet",
         )),
         Verb::Gallery => gallery(),
-        Verb::Blind => Ok(not_yet("blind", "the blind identification bench is not built yet")),
+        Verb::Blind(arguments) => blind::blind(&arguments),
     };
     match end {
         Ok(end) => ExitCode::from(end as u8),

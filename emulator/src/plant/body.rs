@@ -5,6 +5,7 @@ use super::contents::PlantContents;
 use super::load::{Loads, Spring};
 use super::motor::{Gear, Motor};
 use super::steering::{Steering, SteeringState};
+use super::swivel::Swivel;
 use super::wheel::{Wheel, WheelInput, WheelKind, WheelState};
 use super::{GRAVITY_M_PER_S2, Pose, Step};
 use crate::hidden::{HiddenFloor, HiddenRobot, RunVariation};
@@ -117,6 +118,7 @@ impl Body {
         let mass_kg = description.mass_kg * hidden.mass_scale * noise.factor(variation.mass);
         let friction = description.floor_friction * noise.factor(variation.friction);
         let com_m = [hidden.com_x_m, hidden.com_y_m];
+        let wear = &hidden.wear;
         let mut wheels = Vec::with_capacity(description.wheels.len());
         let mut driven = 0;
         for (position, wheel) in description.wheels.iter().enumerate() {
@@ -139,8 +141,8 @@ impl Body {
                     robot: description.name.clone(),
                     kind: wheel.kind.clone(),
                 })?,
-                x_m: wheel.x_m - com_m[0],
-                y_m: wheel.y_m - com_m[1],
+                x_m: wheel.x_m * if wheel.kind == "omni" { wear.track_scale } else { 1.0 } - com_m[0],
+                y_m: wheel.y_m * wear.track_scale - com_m[1],
                 rolling_direction_rad: wheel.rolling_direction_rad
                     + listed(&hidden.wheel_direction_error_rad, position, 0.0),
                 steered: wheel.steered,
@@ -148,6 +150,14 @@ impl Body {
                 inertia_kg_m2: wheel.spin_inertia_kg_m2.unwrap_or(0.0) * wheel_share,
                 viscous_n_m_s: description.motor.as_ref().map_or(0.0, |motor| motor.viscous_n_m_s),
                 roller_drag: hidden.roller_drag,
+                roller_viscous_n_s_per_m: wear.roller_viscous_n_s_per_m,
+                side_friction_scale: wear.side_friction_scale,
+                slip_ratio_at_full_force: wear.slip_ratio_at_full_force,
+                run_out: wear.run_out.get(position).copied().unwrap_or_default(),
+                swivel: Swivel {
+                    friction_n_m: wear.swivel_n_m,
+                    trail_m: wear.swivel_trail_m,
+                },
                 drive,
             });
         }
@@ -247,6 +257,11 @@ impl Body {
         self.state.steering.angle_rad
     }
 
+    /// In front of the play.
+    pub fn servo_rad(&self) -> f64 {
+        self.state.steering.servo_rad
+    }
+
     /// States of the driven wheels in the order of the description.
     pub fn driven_wheels(&self) -> impl Iterator<Item = &WheelState> {
         self.wheels
@@ -286,6 +301,7 @@ impl Body {
             ];
             let mut input = WheelInput {
                 hub_m_per_s: [forward - r * wheel.y_m, left + r * wheel.x_m],
+                yaw_rate_rad_per_s: r,
                 load_n,
                 friction: self.friction * ground.friction_scale(contact),
                 rolling_resistance: floor.rolling_resistance,
@@ -303,7 +319,7 @@ impl Body {
             power_w += input.voltage_v.unwrap_or(0.0) * state.motor.current_a;
             force_n[0] += fx;
             force_n[1] += fy;
-            moment_n_m += wheel.x_m * fy - wheel.y_m * fx;
+            moment_n_m += wheel.x_m * fy - wheel.y_m * fx + state.swivel_n_m;
         }
         self.battery.step(power_w, step);
         let [px, py] = push.force_n;
@@ -393,14 +409,22 @@ fn drive(
     constant_scale: f64,
     cogging_turn: f64,
 ) -> (Motor, Gear) {
+    let wear = &hidden.wear;
+    let current_limit_a = motor.current_limit_a.unwrap_or(CURRENT_LIMIT_WHERE_NONE_IS_GIVEN_A);
     let motor = Motor {
         constant_n_m_per_a: motor.gear_ratio * motor.torque_constant_n_m_per_a * constant_scale,
         resistance_ohm: motor.resistance_ohm,
         inductance_h: INDUCTANCE_H,
-        current_limit_a: motor.current_limit_a.unwrap_or(CURRENT_LIMIT_WHERE_NONE_IS_GIVEN_A),
+        current_limit_a,
         rotor_inertia_kg_m2: spin_inertia_kg_m2 * ROTOR_SHARE,
-        viscous_n_m_s: motor.viscous_n_m_s,
-        coulomb_n_m: motor.coulomb_n_m * hidden.coulomb_scale,
+        viscous_n_m_s: motor.viscous_n_m_s + wear.viscous_n_m_s,
+        coulomb_n_m: motor.coulomb_n_m * hidden.coulomb_scale + wear.coulomb_n_m,
+        breakaway_ratio: wear.breakaway_ratio,
+        breakaway_rad_per_s: wear.breakaway_rad_per_s,
+        friction_asymmetry: wear.friction_asymmetry,
+        heating: wear.heating,
+        heating_s: wear.heating_s,
+        full_current_a: current_limit_a.min(motor.supply_v / motor.resistance_ohm),
         cogging_n_m: hidden.cogging_n_m * motor.gear_ratio,
         cogging_per_rad: COGGING_PER_ROTOR_TURN * motor.gear_ratio,
         cogging_phase_rad: cogging_turn * std::f64::consts::TAU,
@@ -428,10 +452,12 @@ fn steering(description: &RobotDescription, hidden: &HiddenRobot) -> Option<Stee
     };
     let (steered_x_m, fixed_axle_x_m) = (axle(true)?, axle(false)?);
     Some(Steering {
-        lag_s: steering.lag_s,
+        lag_s: steering.lag_s + hidden.wear.steering_lag_s,
         rate_limit_rad_per_s: steering.rate_limit_rad_per_s.unwrap_or(f64::MAX),
         angle_limit_rad: steering.angle_limit_rad.unwrap_or(1.2),
         play_rad: hidden.steering_play_rad,
+        offset_rad: hidden.wear.steering_offset_rad,
+        scale: hidden.wear.steering_scale,
         wheelbase_m: steered_x_m - fixed_axle_x_m,
     })
 }

@@ -32,6 +32,16 @@ pub struct Slip {
     pub rolling_m_per_s: f64,
     pub friction: f64,
     pub load_n: f64,
+    /// Friction across over that along; 1 for a round tread.
+    pub side_scale: f64,
+    /// Bristles that leave the patch along the rolling direction per metre, beyond [`RENEWAL_PER_M`]: a softer tread.
+    pub more_renewal_per_m: f64,
+}
+
+/// Renewal that makes a wheel under all the force that friction allows slip by a further ratio: dz/dt = 0 at
+/// s = ratio R W gives ratio = renewal mu / s_0.
+pub fn renewal_per_m(slip_ratio: f64, friction: f64) -> f64 {
+    slip_ratio * STIFFNESS_PER_M / friction.max(1e-6)
 }
 
 impl Bristles {
@@ -41,15 +51,18 @@ impl Bristles {
         let speed = (along * along + across * across).sqrt();
         let stribeck = 1.0 / (1.0 + (speed / STRIBECK_M_PER_S) * (speed / STRIBECK_M_PER_S));
         let limit = slip.friction * (KINETIC_SHARE + (1.0 - KINETIC_SHARE) * stribeck);
-        let decay_per_s = STIFFNESS_PER_M * speed / limit.max(1e-6) + RENEWAL_PER_M * slip.rolling_m_per_s;
+        let renewal_per_m = [RENEWAL_PER_M + slip.more_renewal_per_m, RENEWAL_PER_M];
+        let sides = [limit, limit * slip.side_scale].map(|limit| limit.max(1e-6));
         let fade = speed / DAMPING_FADE_M_PER_S;
         let damping_s_per_m = DAMPING_S_PER_M / (1.0 + fade * fade);
         let mut force_n = [0.0; 2];
-        for ((force, deflection), velocity) in force_n
+        for (axis, ((force, deflection), velocity)) in force_n
             .iter_mut()
             .zip(&mut self.deflection_m)
             .zip(slip.velocity_m_per_s)
+            .enumerate()
         {
+            let decay_per_s = STIFFNESS_PER_M * speed / sides[axis] + renewal_per_m[axis] * slip.rolling_m_per_s;
             let before = *deflection;
             *deflection = (before + dt_s * velocity) / (1.0 + dt_s * decay_per_s);
             *force = slip.load_n * (STIFFNESS_PER_M * *deflection + damping_s_per_m * (*deflection - before) / dt_s);
@@ -77,6 +90,8 @@ mod tests {
             rolling_m_per_s,
             friction: 0.8,
             load_n: 30.0,
+            side_scale: 1.0,
+            more_renewal_per_m: 0.0,
         };
         (0..7680).fold([0.0; 2], |_, _| bristles.step(&slip, DT_S))
     }
@@ -101,6 +116,38 @@ mod tests {
     }
 
     #[test]
+    fn a_soft_tread_creeps_by_the_ratio_more_and_an_oval_one_holds_less_across() {
+        let (friction, load_n, ratio) = (0.8, 30.0, 0.05);
+        let creep = |more_renewal_per_m: f64| {
+            let mut bristles = Bristles::default();
+            let slip = Slip {
+                velocity_m_per_s: [0.001, 0.0],
+                rolling_m_per_s: 1.0,
+                friction,
+                load_n,
+                side_scale: 1.0,
+                more_renewal_per_m,
+            };
+            (0..7680).fold(0.0, |_, _| bristles.step(&slip, DT_S)[0])
+        };
+        // Slip per rolling over force, scaled to the force friction allows; both treads at the same slip.
+        let at_full_force = |force: f64| 0.001 * friction * load_n / force;
+        let more = at_full_force(creep(renewal_per_m(ratio, friction))) - at_full_force(creep(0.0));
+        assert!((more - ratio).abs() < 0.001, "{more}");
+        let mut bristles = Bristles::default();
+        let across = Slip {
+            velocity_m_per_s: [0.0, 2.0],
+            rolling_m_per_s: 0.0,
+            friction,
+            load_n,
+            side_scale: 0.5,
+            more_renewal_per_m: 0.0,
+        };
+        let held = (0..7680).fold(0.0, |_, _| bristles.step(&across, DT_S)[1]);
+        assert!((held - 12.0 * KINETIC_SHARE).abs() < 0.1, "{held}");
+    }
+
+    #[test]
     fn a_small_push_is_held_by_the_bristles() {
         let mut bristles = Bristles::default();
         let slip = |velocity| Slip {
@@ -108,6 +155,8 @@ mod tests {
             rolling_m_per_s: 0.0,
             friction: 0.8,
             load_n: 30.0,
+            side_scale: 1.0,
+            more_renewal_per_m: 0.0,
         };
         for _ in 0..10 {
             bristles.step(&slip(0.01), DT_S);

@@ -10,6 +10,7 @@ pub mod contents;
 pub mod load;
 pub mod motor;
 pub mod steering;
+pub mod swivel;
 pub mod wheel;
 
 /// Firmware steps per second; motor voltages are held in between.

@@ -9,13 +9,16 @@ pub struct Steering {
     pub rate_limit_rad_per_s: f64,
     pub angle_limit_rad: f64,
     pub play_rad: f64,
+    /// Between servo and wheels.
+    pub offset_rad: f64,
+    pub scale: f64,
     /// Steered to unsteered axle, positive when the steered one is in front.
     pub wheelbase_m: f64,
 }
 
 #[derive(Debug, Clone, Copy, Default)]
 pub struct SteeringState {
-    servo_rad: f64,
+    pub servo_rad: f64,
     servo_rad_per_s: f64,
     /// Bicycle angle behind the play.
     pub angle_rad: f64,
@@ -38,7 +41,7 @@ impl Steering {
 
     /// Angle of a wheel at `left_m` so that all axes meet in one point.
     pub fn wheel_angle_rad(&self, state: &SteeringState, left_m: f64) -> f64 {
-        let tangent = state.angle_rad.tan();
+        let tangent = (self.scale * state.angle_rad + self.offset_rad).tan();
         (self.wheelbase_m * tangent / (self.wheelbase_m - left_m * tangent)).atan()
     }
 }
@@ -52,6 +55,8 @@ mod tests {
         rate_limit_rad_per_s: 6.0,
         angle_limit_rad: 0.5,
         play_rad: 0.0,
+        offset_rad: 0.0,
+        scale: 1.0,
         wheelbase_m: 0.26,
     };
 

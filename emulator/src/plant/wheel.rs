@@ -1,8 +1,9 @@
 //! One wheel with what hangs on it: contact, and a motor behind its gear where it is driven.
 
 use super::Step;
-use super::contact::{Bristles, Slip};
+use super::contact::{Bristles, Slip, renewal_per_m};
 use super::motor::{Gear, Motor, MotorState};
+use super::swivel::Swivel;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum WheelKind {
@@ -29,6 +30,15 @@ pub struct Wheel {
     pub viscous_n_m_s: f64,
     /// Drag of rollers and casters over load.
     pub roller_drag: f64,
+    /// Viscous drag of an omni wheel across.
+    pub roller_viscous_n_s_per_m: f64,
+    /// Friction across over that along.
+    pub side_friction_scale: f64,
+    /// Slip ratio added under all the force that friction allows.
+    pub slip_ratio_at_full_force: f64,
+    /// Relative amplitude and phase of the radius over the wheel's angle.
+    pub run_out: [f64; 2],
+    pub swivel: Swivel,
     pub drive: Option<(Motor, Gear)>,
 }
 
@@ -44,6 +54,9 @@ pub struct WheelState {
     pub direction: [f64; 2],
     /// Load of the last step.
     pub load_n: f64,
+    /// A caster's direction from its wheel to its pivot, and the moment of its axis on the body.
+    pub swivel_rad: f64,
+    pub swivel_n_m: f64,
 }
 
 /// What a wheel meets in a step.
@@ -51,6 +64,8 @@ pub struct WheelState {
 pub struct WheelInput {
     /// Velocity of the wheel's hub over the floor in the body frame.
     pub hub_m_per_s: [f64; 2],
+    /// Of the body.
+    pub yaw_rate_rad_per_s: f64,
     pub load_n: f64,
     pub friction: f64,
     pub rolling_resistance: f64,
@@ -72,29 +87,38 @@ impl Wheel {
         if self.kind == WheelKind::Caster {
             let drag = (self.roller_drag + input.rolling_resistance) * input.load_n
                 / (forward.hypot(left) + DRAG_HALF_M_PER_S);
-            return [-drag * forward, -drag * left];
+            let [fx, fy] = self.swivel.step(state, input, step);
+            return [fx - drag * forward, fy - drag * left];
         }
         let (along, across) = (forward * cos + left * sin, left * cos - forward * sin);
-        let rim_m_per_s = self.radius_m * state.speed_rad_per_s;
+        let [amplitude, phase_rad] = self.run_out;
+        let mut radius_m = self.radius_m;
+        if amplitude != 0.0 {
+            radius_m *= 1.0 + amplitude * (state.motor.angle_rad - state.twist_rad + phase_rad).sin();
+        }
+        let rim_m_per_s = radius_m * state.speed_rad_per_s;
         let across_slip = if self.kind == WheelKind::Omni { 0.0 } else { -across };
         let slip = Slip {
             velocity_m_per_s: [rim_m_per_s - along, across_slip],
             rolling_m_per_s: rim_m_per_s.abs(),
             friction: input.friction,
             load_n: input.load_n,
+            side_scale: self.side_friction_scale,
+            more_renewal_per_m: renewal_per_m(self.slip_ratio_at_full_force, input.friction),
         };
         let [force_along, mut force_across] = state.bristles.step(&slip, step.dt_s);
         if self.kind == WheelKind::Omni {
-            force_across = -self.roller_drag * input.load_n * across / (across.abs() + DRAG_HALF_M_PER_S);
+            force_across = -self.roller_drag * input.load_n * across / (across.abs() + DRAG_HALF_M_PER_S)
+                - self.roller_viscous_n_s_per_m * across;
         }
-        self.spin(state, input, force_along, step);
+        self.spin(state, input, radius_m * force_along, step);
         [
             force_along * cos - force_across * sin,
             force_along * sin + force_across * cos,
         ]
     }
 
-    fn spin(&self, state: &mut WheelState, input: &WheelInput, force_along_n: f64, step: Step) {
+    fn spin(&self, state: &mut WheelState, input: &WheelInput, braking_n_m: f64, step: Step) {
         let dt_s = step.dt_s;
         let mut gear_n_m = 0.0;
         let mut viscous_n_m_s = self.viscous_n_m_s;
@@ -107,7 +131,7 @@ impl Wheel {
         if input.stuck {
             state.speed_rad_per_s = 0.0;
         } else {
-            let torque_n_m = gear_n_m - self.radius_m * force_along_n;
+            let torque_n_m = gear_n_m - braking_n_m;
             let rolling_n_m_s = input.rolling_resistance * input.load_n * self.radius_m
                 / (state.speed_rad_per_s.abs() + DRAG_HALF_M_PER_S / self.radius_m);
             let braking = 1.0 + dt_s * (viscous_n_m_s + rolling_n_m_s) / self.inertia_kg_m2;

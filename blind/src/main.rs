@@ -1,0 +1,151 @@
+//! `robopheus-blind`: runs sets of the bench and prints its table.
+
+use anyhow::{Context, Result, bail, ensure};
+use blind::bench::{append, lines, run_set};
+use blind::kind::Kind;
+use blind::set::Wish;
+use blind::table::markdown;
+use blind::truth::Vault;
+use clap::Parser;
+use indicatif::{ProgressBar, ProgressStyle};
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+/// Time of the quick slice.
+const QUICK: Duration = Duration::from_secs(170);
+
+#[derive(Parser)]
+#[command(name = "robopheus-blind", about = "Blind identification bench", version)]
+struct Arguments {
+    /// Shorter runs, and an end after three minutes
+    #[arg(long)]
+    quick: bool,
+    /// Sets of the whole bench
+    #[arg(long, default_value_t = 400)]
+    sets: u64,
+    /// This part of the sets: I/N, from 1
+    #[arg(long, default_value = "1/1")]
+    shard: String,
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Only sets of this kind
+    #[arg(long)]
+    kind: Option<Kind>,
+    #[arg(long)]
+    chassis: Option<String>,
+    /// The first effect of every set
+    #[arg(long)]
+    effect: Option<String>,
+    /// Go on in this folder
+    #[arg(long)]
+    resume: Option<PathBuf>,
+    /// Folder for truths, results and table
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Begin no set after this many minutes
+    #[arg(long)]
+    minutes: Option<f64>,
+    /// Only these numbers, made again
+    #[arg(long, num_args = 1..)]
+    only: Vec<u64>,
+    /// Leave run bundles and reports as files beside the truths
+    #[arg(long)]
+    keep: bool,
+    /// Only the table of what is there
+    #[arg(long)]
+    table: bool,
+}
+
+fn main() -> Result<()> {
+    let arguments = Arguments::parse();
+    let (shard, shards) = shard(&arguments.shard)?;
+    let out = match (&arguments.resume, &arguments.out) {
+        (Some(folder), _) => {
+            ensure!(folder.is_dir(), "--resume: {} is no folder", folder.display());
+            folder.clone()
+        }
+        (None, Some(folder)) => folder.clone(),
+        (None, None) => PathBuf::from(format!("target/blind/seed-{}", arguments.seed)),
+    };
+    std::fs::create_dir_all(&out).with_context(|| format!("cannot make {}", out.display()))?;
+    if !arguments.table {
+        run(&arguments, shard, shards, &out)?;
+    }
+    let lines = lines(&out)?;
+    let text = markdown(&lines);
+    let path = out.join("table.md");
+    std::fs::write(&path, &text)?;
+    println!("{text}\n{} sets, {}", lines.len(), path.display());
+    Ok(())
+}
+
+fn run(arguments: &Arguments, shard: u64, shards: u64, out: &std::path::Path) -> Result<()> {
+    let mut wish = Wish {
+        kind: arguments.kind,
+        chassis: arguments.chassis.clone(),
+        effect: arguments.effect.clone(),
+        ..Wish::standard()
+    };
+    if arguments.quick {
+        (wish.seconds, wish.references) = (12, 3);
+    }
+    let wanted = format!("seed {} {wish:?}\n", arguments.seed);
+    let settings = out.join("settings.txt");
+    match std::fs::read_to_string(&settings) {
+        Ok(found) => ensure!(
+            found == wanted,
+            "{} holds sets made with other settings: {found}name another folder with --out",
+            out.display()
+        ),
+        Err(_) => std::fs::write(&settings, wanted)?,
+    }
+    let vault = Vault::new(out)?;
+    let done: Vec<u64> = lines(out)?.iter().map(|line| line.set).collect();
+    let numbers: Vec<u64> = (0..arguments.sets)
+        .filter(|number| number % shards == shard && !done.contains(number))
+        .collect();
+    let numbers = if arguments.only.is_empty() {
+        numbers
+    } else {
+        arguments.only.clone()
+    };
+    let limit = match (arguments.quick, arguments.minutes) {
+        (_, Some(minutes)) => Some(Duration::from_secs_f64(60.0 * minutes)),
+        (true, None) => Some(QUICK),
+        _ => None,
+    };
+    let keep = arguments.keep.then(|| out.join("kept"));
+    let bar = ProgressBar::new(numbers.len() as u64);
+    if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} {elapsed} left {eta} {msg}") {
+        bar.set_style(style);
+    }
+    let (started, path) = (
+        Instant::now(),
+        out.join(format!("results-{}-of-{shards}.jsonl", shard + 1)),
+    );
+    let mut longest = Duration::ZERO;
+    for number in numbers {
+        if limit.is_some_and(|limit| started.elapsed() + longest > limit) {
+            break;
+        }
+        let begun = Instant::now();
+        let line = run_set(arguments.seed, number, &wish, &vault, keep.as_deref())?;
+        append(&path, &line)?;
+        longest = longest.max(begun.elapsed());
+        bar.inc(1);
+        bar.set_message(format!("{:?} {}", line.kind, line.chassis));
+    }
+    bar.finish_and_clear();
+    Ok(())
+}
+
+/// Part and number of parts of `I/N`, the part from 0.
+fn shard(text: &str) -> Result<(u64, u64)> {
+    let numbers = text
+        .split_once('/')
+        .and_then(|(i, n)| Some((i.parse::<u64>().ok()?, n.parse::<u64>().ok()?)));
+    match numbers {
+        Some((i, n)) if 1 <= i && i <= n => Ok((i - 1, n)),
+        _ => bail!("--shard {text:?}: I/N with 1 <= I <= N, as 1/4"),
+    }
+}
