@@ -5,6 +5,7 @@
 
 mod bundles;
 mod commands;
+mod import;
 mod output;
 mod settings;
 
@@ -49,6 +50,8 @@ enum Command {
     Stop(commands::stop::Arguments),
     /// Download and check a run's archive
     Fetch(commands::fetch::Arguments),
+    /// Turn another laboratory's table (CSV, Parquet) into run bundles
+    Import(commands::import::Arguments),
     /// Replay the commands of a run bundle through the twin and write a bundle
     Simulate(commands::simulate::Arguments),
     /// Find where runs and twin disagree, name the missing effect, and write a report and a new model version
@@ -83,6 +86,7 @@ async fn run(arguments: Arguments, output: &Output) -> anyhow::Result<()> {
         Command::Cancel(a) => commands::cancel::run(a, &settings, output).await,
         Command::Stop(a) => commands::stop::run(a, &settings, output).await,
         Command::Fetch(a) => commands::fetch::run(a, &settings, output).await,
+        Command::Import(a) => commands::import::run(&a, output),
         Command::Simulate(a) => commands::simulate::run(&a, output),
         Command::Diagnose(a) => commands::diagnose::run(&a, output),
     }
