@@ -310,6 +310,43 @@ fn what_is_merely_strange_is_told() {
     let _ = std::fs::remove_dir_all(&folder);
 }
 
+/// The command line of docs/how-to/import-your-logs.md.
+#[test]
+fn the_example_imports_without_remarks_and_can_be_diagnosed() {
+    let folder = folder("example");
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let guide = std::fs::read_to_string(root.join("docs/how-to/import-your-logs.md")).expect("the guide");
+    let line = guide
+        .lines()
+        .map(str::trim)
+        .find(|line| line.starts_with("robopheus import "))
+        .expect("a command line");
+    let out = folder.join("imported").display().to_string();
+    let arguments: Vec<&str> = line
+        .split_whitespace()
+        .skip(1)
+        .map(|word| if word == "imported" { out.as_str() } else { word })
+        .collect();
+    let done = Command::new(env!("CARGO_BIN_EXE_robopheus"))
+        .current_dir(&root)
+        .args(&arguments)
+        .arg("--json")
+        .output()
+        .expect("the program");
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let summary: Value = serde_json::from_slice(&done.stdout).expect("JSON");
+    assert_eq!(summary["remarks"], json!([]));
+    assert_eq!(summary["bundles"].as_array().map(Vec::len), Some(2));
+    let report = folder.join("report").display().to_string();
+    let runs = ["run-001", "run-002"].map(|run| Path::new(&out).join(run).display().to_string());
+    let done = Command::new(env!("CARGO_BIN_EXE_robopheus"))
+        .args(["diagnose", "--runs", &runs[0], &runs[1], "--out", &report])
+        .output()
+        .expect("the program");
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let _ = std::fs::remove_dir_all(&folder);
+}
+
 /// 64 MB in, with less than 48 MB resident at any time: the pass holds one row, whatever the size of the file.
 #[test]
 fn a_large_table_streams_through_little_memory() {
