@@ -7,11 +7,12 @@
 
 use serde::Serialize;
 use twin::pose::{Pose, wrapped_rad};
-use twin::replay::{CommandRow, HeldCommand, ReplayError, ReplayRow, replay_from};
+use twin::replay::{CommandRow, HeldCommand, ReplayError, ReplayRow, replay_after};
 use twin::robot::Robot;
 
 use crate::anchor::{Track, start_at};
 use crate::bundle::Bundle;
+use crate::record::MEMORY_S;
 
 /// Horizons, s.
 pub const HORIZONS_S: [f64; 4] = [0.5, 1.0, 2.0, 5.0];
@@ -97,8 +98,11 @@ pub fn end_to_end_with(bundle: &Bundle, robot: &Robot) -> Result<EndToEndGap, Ga
         ..EndToEndGap::default()
     };
     let mut begin_s = *first_s;
-    let mut held = HeldCommand::default();
-    let mut applied = 0;
+    let mut before = HeldCommand::default();
+    if let Some(first) = rows.first() {
+        before.apply(robot, first);
+    }
+    let (mut forgotten, mut applied) = (0, 0);
     while begin_s + RUN_IN_S + HORIZONS_S[0] <= *last_s {
         let row = bundle.telemetry.time_s.partition_point(|t| *t < begin_s);
         let start = if row < rows.len() {
@@ -110,13 +114,15 @@ pub fn end_to_end_with(bundle: &Bundle, robot: &Robot) -> Result<EndToEndGap, Ga
             None => false,
             Some(start) => {
                 let start_s = bundle.telemetry.time_s[row];
-                while applied < rows.len() && rows[applied].time_s <= start_s {
-                    held.apply(robot, &rows[applied]);
-                    applied += 1;
+                applied += rows[applied..].partition_point(|row| row.time_s <= start_s);
+                while forgotten < applied && rows[forgotten].time_s <= start_s - MEMORY_S {
+                    before.apply(robot, &rows[forgotten]);
+                    forgotten += 1;
                 }
+                let earlier = &rows[forgotten..applied];
                 let anchor = Anchor::at(&track, start_s + RUN_IN_S);
                 let plan = anchor.plan(&rows[applied..], start_s, &track);
-                let out = replay_from(robot, &start, held, &plan).map_err(|source| GapError::Replay {
+                let out = replay_after(robot, &start, before, earlier, &plan).map_err(|source| GapError::Replay {
                     anchor_s: anchor.time_s,
                     source,
                 })?;

@@ -4,8 +4,8 @@ use twin::free::Start;
 use twin::replay::{CommandRow, HeldCommand};
 
 use super::{
-    CELL_S, Cell, Chain, GRID_HZ, Line, POSE_CELL_S, PoseCell, Quantity, RUN_IN_S, Record, RollingInput, WINDOW_S,
-    WheelLine, Window,
+    CELL_S, Cell, Chain, GRID_HZ, Line, MEMORY_S, POSE_CELL_S, PoseCell, Quantity, RUN_IN_S, Record, RollingInput,
+    WINDOW_S, WheelLine, Window,
 };
 use crate::anchor::{Track, start_at};
 use crate::bundle::Bundle;
@@ -20,6 +20,15 @@ const RESTING: f64 = 0.05;
 const SAME_ROW_S: f64 = 1e-5;
 /// A sample further from its neighbours' median than this many median deviations is a fault of the recorder.
 const SPIKE: f64 = 12.0;
+
+/// Set-points around the start of a window.
+struct Sent<'a> {
+    /// In force before `earlier`, and at the start.
+    before: HeldCommand,
+    held: HeldCommand,
+    earlier: &'a [CommandRow],
+    later: &'a [CommandRow],
+}
 
 struct Source<'a> {
     bundle: &'a Bundle,
@@ -63,14 +72,30 @@ pub(super) fn record(name: &str, bundle: &Bundle) -> Record {
     let begin_s = source.track.time_s.first().copied().unwrap_or(*first_s) + 0.1;
     let mut held = HeldCommand::default();
     let mut applied = 0;
+    // What was in force before the run is not known: what it begins with.
+    let mut before = HeldCommand::default();
+    if let Some(first) = source.commands.first() {
+        before.apply(&bundle.robot, first);
+    }
+    let mut forgotten = 0;
     let mut start_s = begin_s;
     while start_s + RUN_IN_S + SHORTEST_WINDOW_S <= *last_s {
         while applied < source.commands.len() && source.commands[applied].time_s <= start_s {
             held.apply(&bundle.robot, &source.commands[applied]);
             applied += 1;
         }
+        while forgotten < applied && source.commands[forgotten].time_s <= start_s - MEMORY_S {
+            before.apply(&bundle.robot, &source.commands[forgotten]);
+            forgotten += 1;
+        }
         let to_s = (start_s + RUN_IN_S + WINDOW_S).min(*last_s);
-        match window(&source, start_s, to_s, held, &source.commands[applied..]) {
+        let sent = Sent {
+            before,
+            earlier: &source.commands[forgotten..applied],
+            held,
+            later: &source.commands[applied..],
+        };
+        match window(&source, start_s, to_s, &sent) {
             Some(window) => record.windows.push(window),
             None => record.skipped += 1,
         }
@@ -171,7 +196,8 @@ fn largest_command(source: &Source) -> f64 {
     largest
 }
 
-fn window(source: &Source, start_s: f64, to_s: f64, held: HeldCommand, later: &[CommandRow]) -> Option<Window> {
+fn window(source: &Source, start_s: f64, to_s: f64, sent: &Sent) -> Option<Window> {
+    let (held, later) = (sent.held, sent.later);
     let bundle = source.bundle;
     let times = &bundle.telemetry.time_s;
     let row = times.partition_point(|t| *t < start_s).min(times.len() - 1);
@@ -193,6 +219,8 @@ fn window(source: &Source, start_s: f64, to_s: f64, held: HeldCommand, later: &[
     let mut drive = Chain {
         rows: drive_rows(start_s, to_s, later),
         held,
+        earlier: sent.earlier.to_vec(),
+        before: sent.before,
         ..Chain::default()
     };
     let rolling_input = source.input.as_ref().filter(|input| input.covers(start_s, to_s));
