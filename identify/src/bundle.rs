@@ -84,6 +84,13 @@ impl Bundle {
         })
     }
 
+    /// True when every driven wheel has set-points, of its own or through the body's twist.
+    pub fn commands_wheels(&self) -> bool {
+        let has = |channel: Channel| self.telemetry.channels.contains_key(&channel);
+        let mut driven = (0..self.run.robot.wheels.len()).filter(|k| self.run.robot.wheels[*k].driven);
+        has(Channel::CommandForward) || driven.all(|k| has(Channel::CommandWheel(k)))
+    }
+
     /// The command columns, one row per time stamp.
     pub fn command_rows(&self) -> Vec<CommandRow> {
         let mut rows: Vec<CommandRow> = self

@@ -24,6 +24,16 @@ const RADIUS_M: f64 = 0.033;
 
 /// A file cut into `parts` runs of the same length; what stands still at its start is left out.
 pub fn runs(name: &str, parts: usize) -> Option<Vec<Run>> {
+    runs_of(ROBOT, name, parts)
+}
+
+/// The car on a floor whose grip never ends: it rolls without slip.
+pub fn slip_free() -> String {
+    ROBOT.replace("\"floor_friction\": 1.0", "\"floor_friction\": 3.0")
+}
+
+/// The same with another description.
+pub fn runs_of(robot: &str, name: &str, parts: usize) -> Option<Vec<Run>> {
     let table = Table::read(&folder("dart_car")?.join(format!("{name}.csv")));
     let column = |name: &str| table.column(name);
     let (t, x, y, yaw) = (column("t"), column("x"), column("y"), column("yaw"));
@@ -34,6 +44,8 @@ pub fn runs(name: &str, parts: usize) -> Option<Vec<Run>> {
     let length = (t.len() - first) / parts;
     let names = [
         "command_steering_rad",
+        "wheel_0_rad_per_s",
+        "wheel_1_rad_per_s",
         "wheel_2_rad_per_s",
         "wheel_3_rad_per_s",
         "gyro_z_rad_per_s",
@@ -55,6 +67,8 @@ pub fn runs(name: &str, parts: usize) -> Option<Vec<Run>> {
                     Some(STEERING_GAIN_RAD * steering[k]),
                     sampled(speed[k] / RADIUS_M),
                     sampled(speed[k] / RADIUS_M),
+                    sampled(speed[k] / RADIUS_M),
+                    sampled(speed[k] / RADIUS_M),
                     sampled(gyro[k]),
                     sampled(ax[k]),
                     sampled(ay[k]),
@@ -64,7 +78,7 @@ pub fn runs(name: &str, parts: usize) -> Option<Vec<Run>> {
                 ],
             );
         }
-        rows.bundle(&format!("{name}/{number}"), ROBOT)
+        rows.bundle(&format!("{name}/{number}"), robot)
     };
     Some((0..parts).map(part).collect())
 }
