@@ -33,9 +33,11 @@ fn main() {
             locked.extend(dart::runs_of(&robot, dart::FREE[3], 1)?);
             Some((references, runs, locked))
         })(),
-        "husky" => husky::runs(husky::ROBOT, &[true, false, true, false], 8).map(|runs| (Vec::new(), runs, Vec::new())),
+        "husky" => {
+            husky::runs(husky::ROBOT, &[true, false, true, false], 8, 3).map(|runs| (Vec::new(), runs, Vec::new()))
+        }
         "husky-slip-free" => {
-            husky::runs(husky::SLIP_FREE, &[true, false], 8).map(|runs| (Vec::new(), runs, Vec::new()))
+            husky::runs(husky::SLIP_FREE, &[true, false], 8, 3).map(|runs| (Vec::new(), runs, Vec::new()))
         }
         "mrclam" => mrclam::runs(1, 20.0, 60.0, 8).map(|runs| (Vec::new(), runs, Vec::new())),
         "mrclam-2" => mrclam::runs(2, 20.0, 60.0, 8).map(|runs| (Vec::new(), runs, Vec::new())),

@@ -1,6 +1,7 @@
 //! From runs to a report and a model version.
 
 mod assemble;
+mod exchange;
 mod gap_table;
 mod next;
 
@@ -423,6 +424,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
         let Some(joint) = fit(&problem, members.clone()) else {
             break;
         };
+        let joint = exchange::exchange(workers, &problem, &validation, &mut case.taken, joint)?;
         members = joint.members.clone();
         explained = joint.gain;
         let model = with_members(&case.floor.model, &members);

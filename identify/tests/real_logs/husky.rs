@@ -16,8 +16,9 @@ const CONTINUOUS_RAD_PER_S: f64 = 1.2;
 /// All steps in `count` runs. Steps that follow each other without a stop share their time; before a step that starts from
 /// rest the set-points are 0 and one second passes.
 ///
-/// - `wheels`: position of the left and right wheels.
-pub fn runs(robot: &str, wheels: &[bool], count: usize) -> Option<Vec<Run>> {
+/// - `wheels`: true for those on the left.
+/// - `every`: of so many steps one is taken.
+pub fn runs(robot: &str, wheels: &[bool], count: usize, every: usize) -> Option<Vec<Run>> {
     let path = folder("norlab_drive")?.join("husky.npz");
     let [cl, cr, wl, wr, px, py, pt] = [
         "cmd_left",
@@ -43,7 +44,7 @@ pub fn runs(robot: &str, wheels: &[bool], count: usize) -> Option<Vec<Run>> {
         let mut rows = Rows::new(&names);
         let mut time_s = 0.0;
         let mut pose = [0.0_f64; 3];
-        for step in number * steps / count..(number + 1) * steps / count {
+        for step in (number * steps / count..(number + 1) * steps / count).step_by(every) {
             let first = step * 3 * SAMPLES;
             let stands = wl[first].abs() < STANDS_RAD_PER_S && wr[first].abs() < STANDS_RAD_PER_S;
             let follows = first > 0
