@@ -417,11 +417,13 @@ fn rest(case: &Case, effects: &[NamedEffect], absorbed: &[Absorbed]) -> (Vec<Rej
 }
 
 fn because(case: &Case, name: &str, gain: f64) -> String {
+    // The last round knows most.
+    let rounds = case.taken.iter().rev().flat_map(|taken| &taken.excluded);
     let judged = case
-        .taken
+        .last
         .iter()
-        .flat_map(|taken| &taken.excluded)
-        .chain(case.last.iter().flat_map(|stop| &stop.finalists))
+        .flat_map(|stop| &stop.finalists)
+        .chain(rounds)
         .find(|finalist| finalist.member.candidate.entry.name == name);
     if let Some(finalist) = judged {
         return finalist

@@ -17,8 +17,8 @@ const CONTINUOUS_RAD_PER_S: f64 = 1.2;
 /// rest the set-points are 0 and one second passes.
 ///
 /// - `wheels`: true for those on the left.
-/// - `every`: of so many steps one is taken.
-pub fn runs(robot: &str, wheels: &[bool], count: usize, every: usize) -> Option<Vec<Run>> {
+/// - `most`: steps of a run.
+pub fn runs(robot: &str, wheels: &[bool], count: usize, most: usize) -> Option<Vec<Run>> {
     let path = folder("norlab_drive")?.join("husky.npz");
     let [cl, cr, wl, wr, px, py, pt] = [
         "cmd_left",
@@ -44,10 +44,12 @@ pub fn runs(robot: &str, wheels: &[bool], count: usize, every: usize) -> Option<
         let mut rows = Rows::new(&names);
         let mut time_s = 0.0;
         let mut pose = [0.0_f64; 3];
-        for step in (number * steps / count..(number + 1) * steps / count).step_by(every) {
+        let begin = number * steps / count;
+        let end = ((number + 1) * steps / count).min(begin + most);
+        for step in begin..end {
             let first = step * 3 * SAMPLES;
             let stands = wl[first].abs() < STANDS_RAD_PER_S && wr[first].abs() < STANDS_RAD_PER_S;
-            let follows = first > 0
+            let follows = step > begin
                 && (wl[first] - wl[first - 1]).abs() < CONTINUOUS_RAD_PER_S
                 && (wr[first] - wr[first - 1]).abs() < CONTINUOUS_RAD_PER_S;
             if stands || !follows {
