@@ -370,6 +370,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
                 },
                 model: &model,
                 candidates: &case.candidates,
+                members: &members,
                 explained,
                 seed: case.input.seed,
             },
@@ -409,7 +410,12 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
             break;
         };
         case.taken.push(taken(&stop, accepted));
-        members.push(stop.finalists[accepted].member.clone());
+        let finalist = &stop.finalists[accepted];
+        if finalist.joint.is_empty() {
+            members.push(finalist.member.clone());
+        } else {
+            members.clone_from(&finalist.joint);
+        }
         case.last = Some(stop);
         let base: Option<Vec<Vec<f64>>> = all_residuals(workers, &train.records, &case.floor.model)?
             .into_iter()
