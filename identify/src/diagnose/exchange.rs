@@ -15,12 +15,14 @@ const MOST_RIVALS: usize = 3;
 const BETTER: f64 = 0.02;
 
 /// Tries the rivals of all but the newest effect in its place, all effects fitted anew, and keeps the best exchange that
-/// explains more of the training and of the validation runs. Returns the fit that stands then.
+/// explains more of the training and of the validation runs. Rivals that explain less by more than `slack` of a gain are told
+/// apart. Returns the fit that stands then.
 pub(super) fn exchange(
     workers: &dyn Workers,
     problem: &Problem,
     validation: &Prepared,
     taken: &mut [Taken],
+    slack: impl Fn(f64) -> f64,
     joint: Fit,
 ) -> Result<Fit, Cancelled> {
     let trials = trials(taken, &joint.members);
@@ -36,6 +38,11 @@ pub(super) fn exchange(
     let mut best: Option<(usize, Fit)> = None;
     for (item, found) in fits.into_iter().enumerate() {
         let Some(found) = found else { continue };
+        let (position, rival) = &trials[item];
+        let own = &mut taken[*position];
+        if joint.gain - found.gain > slack(own.finalist.gain_train) {
+            tell_apart(own, rival);
+        }
         let least = joint.gain * (1.0 + BETTER);
         if found.gain > least && best.as_ref().is_none_or(|(_, other)| found.gain > other.gain) {
             best = Some((item, found));
@@ -97,6 +104,20 @@ fn energy(
         let vectors = residuals.iter().map(Vec::as_slice).collect();
         metric.gram(&[vectors]).at(0, 0)
     }))
+}
+
+/// A rival that could not be told from a name by itself explains less than it among the others.
+fn tell_apart(own: &mut Taken, rival: &Finalist) {
+    let Some(at) = own
+        .alternatives
+        .iter()
+        .position(|other| other.position == rival.position)
+    else {
+        return;
+    };
+    let mut other = own.alternatives.remove(at);
+    other.because = Some("together with the other names it explains less".to_owned());
+    own.excluded.push(other);
 }
 
 /// The rival takes the name; the name that stood there is one that others explain better.

@@ -15,7 +15,7 @@ use crate::locate::{Located, locate};
 use crate::record::{Record, Stages};
 use crate::report::Report;
 use crate::screen::{Score, all_residuals, columns};
-use crate::select::{Finalist, Role, Round, Sensitivities, Side, Stop, roles, round};
+use crate::select::{Finalist, Role, Round, Sensitivities, Side, Stop, roles, round, slack_of};
 use crate::workers::{Cancelled, Workers};
 
 /// Version of the effect library and of this workflow.
@@ -430,7 +430,14 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
         let Some(joint) = fit(&problem, members.clone()) else {
             break;
         };
-        let joint = exchange::exchange(workers, &problem, &validation, &mut case.taken, joint)?;
+        let joint = exchange::exchange(
+            workers,
+            &problem,
+            &validation,
+            &mut case.taken,
+            slack_of(&case.floor),
+            joint,
+        )?;
         members = joint.members.clone();
         explained = joint.gain;
         let model = with_members(&case.floor.model, &members);

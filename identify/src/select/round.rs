@@ -176,7 +176,7 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Sensitivities) -> R
     let mut pairs: Vec<(Finalist, &Fitted)> = judged.into_iter().zip(&fitted).collect();
     pairs.sort_by(|a, b| b.0.gain().total_cmp(&a.0.gain()).then(a.0.position.cmp(&b.0.position)));
     stability(data, &mut pairs);
-    stop.accepted = pairs.iter().position(|(finalist, _)| finalist.because.is_none());
+    stop.accepted = simplest(&pairs, slack_of(data.floor));
     if let Some(best) = stop.accepted {
         let own: Vec<Vec<f64>> = difference(data.train.residuals, &pairs[best].1.fit.residuals);
         for (finalist, fitted) in &mut pairs {
@@ -184,10 +184,11 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Sensitivities) -> R
             finalist.cosine = cosine(data.train.metric, &own, &other);
         }
         let best_gain = pairs[best].0.gain();
-        let slack = VALIDATION_GAIN * data.floor.inflation() + LAW_SHARE * best_gain;
+        let slack = slack_of(data.floor)(best_gain);
         let name = pairs[best].0.member.candidate.entry.name;
         for (position, (finalist, _)) in pairs.iter().enumerate() {
-            let deficit = best_gain - finalist.gain();
+            // A more complicated one may gain a little more.
+            let deficit = (best_gain - finalist.gain()).max(0.0);
             let alike = finalist.cosine > SAME && deficit < slack + 0.03 * best_gain;
             let other = finalist.member.candidate.entry.name != name
                 || finalist.member.candidate.index != pairs[best].0.member.candidate.index;
@@ -200,6 +201,27 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Sensitivities) -> R
     }
     stop.finalists = pairs.into_iter().map(|pair| pair.0).collect();
     Ok(stop)
+}
+
+/// Difference of gains that says nothing, for a gain.
+pub fn slack_of(floor: &Floor) -> impl Fn(f64) -> f64 {
+    let chance = VALIDATION_GAIN * floor.inflation();
+    move |gain| chance + LAW_SHARE * gain
+}
+
+/// The best that passes; of those that the gain cannot tell from it the one with the fewest sizes.
+fn simplest(pairs: &[(Finalist, &Fitted)], slack: impl Fn(f64) -> f64) -> Option<usize> {
+    let best = pairs.iter().position(|(finalist, _)| finalist.because.is_none())?;
+    let best_gain = pairs[best].0.gain();
+    let sizes = |finalist: &Finalist| {
+        let axes = finalist.member.candidate.axes.iter().zip(&finalist.member.values);
+        axes.filter(|(axis, value)| axis.carries_size && value.is_finite())
+            .count()
+    };
+    let near = |finalist: &Finalist| finalist.because.is_none() && best_gain - finalist.gain() < slack(best_gain);
+    (0..pairs.len())
+        .filter(|position| near(&pairs[*position].0))
+        .min_by_key(|position| (sizes(&pairs[*position].0), *position))
 }
 
 /// The best of the order, at most two wheels of the same effect.
