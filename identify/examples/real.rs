@@ -10,7 +10,7 @@ use real_logs::{dart, found, husky, mrclam, told};
 fn main() {
     let which = std::env::args().nth(1).unwrap_or_default();
     let number = |k: usize, other: usize| std::env::args().nth(k).and_then(|n| n.parse().ok()).unwrap_or(other);
-    let (count, most) = (number(2, 6), number(3, 10));
+    let (count, most, true) = (number(2, 6), number(3, 10));
     let begin = std::time::Instant::now();
     if which == "dart-gap" {
         dart_gap();
@@ -35,10 +35,10 @@ fn main() {
             locked.extend(dart::runs_of(&robot, dart::FREE[3], 1)?);
             Some((references, runs, locked))
         })(),
-        "husky" => husky::runs(husky::ROBOT, &[true, false, true, false], count, most)
+        "husky" => husky::runs(husky::ROBOT, &[true, false, true, false], count, most, true)
             .map(|runs| (Vec::new(), runs, Vec::new())),
         "husky-slip-free" => {
-            husky::runs(husky::SLIP_FREE, &[true, false], count, most).map(|runs| (Vec::new(), runs, Vec::new()))
+            husky::runs(husky::SLIP_FREE, &[true, false], count, most, true).map(|runs| (Vec::new(), runs, Vec::new()))
         }
         "mrclam" => mrclam::runs(1, 20.0, 60.0, 8).map(|runs| (Vec::new(), runs, Vec::new())),
         "mrclam-2" => mrclam::runs(2, 20.0, 60.0, 8).map(|runs| (Vec::new(), runs, Vec::new())),

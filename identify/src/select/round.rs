@@ -152,8 +152,15 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Sensitivities) -> R
     };
     let scores = scores(data.candidates, &gram);
     let threshold = thresholds(data.candidates, &gram, LEVEL, data.seed) * data.floor.inflation();
+    // What the model has already is fitted anew with what joins it.
+    let is_member = |candidate: &Candidate| {
+        let own = |member: &Member| {
+            member.candidate.entry.name == candidate.entry.name && member.candidate.index == candidate.index
+        };
+        data.members.iter().any(own)
+    };
     let mut order: Vec<usize> = (0..data.candidates.len())
-        .filter(|c| scores[*c].gain > threshold)
+        .filter(|c| scores[*c].gain > threshold && !is_member(&data.candidates[*c]))
         .collect();
     order.sort_by(|a, b| scores[*b].gain.total_cmp(&scores[*a].gain).then(a.cmp(b)));
     let order = short_list(data.candidates, &order, &scores);

@@ -18,7 +18,8 @@ const CONTINUOUS_RAD_PER_S: f64 = 1.2;
 ///
 /// - `wheels`: true for those on the left.
 /// - `most`: steps of a run.
-pub fn runs(robot: &str, wheels: &[bool], count: usize, most: usize) -> Option<Vec<Run>> {
+/// - `poses`: with the lidar's poses; without them only the wheels are compared.
+pub fn runs(robot: &str, wheels: &[bool], count: usize, most: usize, poses: bool) -> Option<Vec<Run>> {
     let path = folder("norlab_drive")?.join("husky.npz");
     let [cl, cr, wl, wr, px, py, pt] = [
         "cmd_left",
@@ -79,9 +80,10 @@ pub fn runs(robot: &str, wheels: &[bool], count: usize, most: usize) -> Option<V
                         values[2 * k + 1] = Some(if *left { wl[at] } else { wr[at] });
                     }
                     let end = names.len();
-                    values[end - 3] = Some(pose[0]);
-                    values[end - 2] = Some(pose[1]);
-                    values[end - 1] = Some(twin::pose::wrapped_rad(pose[2]));
+                    let told = [pose[0], pose[1], twin::pose::wrapped_rad(pose[2])];
+                    for (slot, value) in values[end - 3..].iter_mut().zip(told) {
+                        *slot = Some(value).filter(|_| poses);
+                    }
                     rows.push(time_s, values);
                     time_s += DT_S;
                 }

@@ -1,6 +1,7 @@
 //! Logs that others measured on real robots, as run bundles. They are not part of the repository.
 #![allow(dead_code)]
 
+pub mod coast;
 mod csv_table;
 pub mod dart;
 pub mod husky;
@@ -27,6 +28,11 @@ pub fn folder(part: &str) -> Option<PathBuf> {
         folder.display()
     );
     None
+}
+
+/// True where somebody asked for the whole of it: `cargo xtask soak` does.
+pub fn at_length() -> bool {
+    std::env::var_os("ROBOPHEUS_REAL_LOGS").is_some()
 }
 
 /// A run's telemetry while it is made: one row a time stamp.
@@ -122,6 +128,51 @@ pub fn found(references: Vec<Run>, runs: Vec<Run>, locked: Vec<Run>) -> Diagnosi
         Ok(found) => found,
         Err(error) => panic!("{error}"),
     }
+}
+
+/// The same from a model that shall explain the runs.
+pub fn found_from(model: twin::model_document::ModelDocument, runs: Vec<Run>) -> Diagnosis {
+    let input = Input {
+        references: Vec::new(),
+        runs,
+        locked: Vec::new(),
+        model: Some(model),
+        seed: 1,
+    };
+    match diagnose(&Threads, &input) {
+        Ok(found) => found,
+        Err(error) => panic!("{error}"),
+    }
+}
+
+/// Sideways RMS gap 2 s ahead, m.
+pub fn lateral_gap_m(runs: &[Run], effects: &[twin::effect::Effect]) -> f64 {
+    let Some(first) = runs.first() else { return f64::NAN };
+    let robot = match twin::robot::Robot::with_effects(first.bundle.run.robot.clone(), effects) {
+        Ok(robot) => robot,
+        Err(problem) => panic!("{problem}"),
+    };
+    let samples = runs
+        .iter()
+        .filter_map(|run| identify::gap::end_to_end_with(&run.bundle, &robot).ok())
+        .flat_map(|gap| gap.samples);
+    let squares: Vec<f64> = samples
+        .filter(|sample| sample.horizon_s == 2.0)
+        .map(|sample| sample.left_m * sample.left_m)
+        .collect();
+    (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
+}
+
+/// Names in the order of acceptance, each with what the data cannot tell from it.
+pub fn names(found: &Diagnosis) -> Vec<Vec<&str>> {
+    let effects = found.report.effects.iter();
+    effects
+        .map(|effect| {
+            let mut set = vec![effect.name.as_str()];
+            set.extend(effect.alternatives.iter().map(String::as_str));
+            set
+        })
+        .collect()
 }
 
 /// The report in a few lines.
