@@ -296,7 +296,7 @@ fn remarks(run: &Run, telemetry: &Telemetry) -> Vec<Remark> {
         if described.driven && !commanded(wheel) && !by_twist {
             remark(
                 Channel::CommandWheel(wheel).name(),
-                "absent although the wheel is driven; taken as 0".to_owned(),
+                "absent although the wheel is driven; a replay takes 0, a diagnosis compares rolling alone".to_owned(),
             );
         }
     }

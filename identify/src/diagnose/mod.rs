@@ -235,6 +235,11 @@ fn usable(runs: &[Run]) -> Result<(Vec<Record>, Vec<String>), DiagnoseError> {
                 "{}: no set-points: commands, motors and battery are untestable with it",
                 run.path
             ));
+        } else if !run.bundle.commands_wheels() {
+            remarks.push(format!(
+                "{}: no set-points of the driven wheels: their commands, motors and battery are untestable with it",
+                run.path
+            ));
         }
         for remark in &run.bundle.remarks {
             remarks.push(format!("{}: {} {}", run.path, remark.column, remark.message));
