@@ -99,7 +99,7 @@ fn redescribed(bundle: &Bundle, found: &Diagnosis) -> Bundle {
 /// Speed of the body limited, then its acceleration, then a delay; a slow lag alone is the trap.
 #[test]
 fn a_skid_steered_robot_has_limits_before_it_has_a_lag() {
-    let (count, most) = if at_length() { (6, 33) } else { (5, 6) };
+    let (count, most) = if at_length() { (6, 10) } else { (5, 6) };
     let Some(runs) = husky::runs(husky::ROBOT, &FOUR_WHEELS, count, most, at_length()) else {
         return;
     };
