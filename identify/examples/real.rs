@@ -10,7 +10,7 @@ use real_logs::{dart, found, husky, mrclam, told};
 fn main() {
     let which = std::env::args().nth(1).unwrap_or_default();
     let number = |k: usize, other: usize| std::env::args().nth(k).and_then(|n| n.parse().ok()).unwrap_or(other);
-    let (count, most, true) = (number(2, 6), number(3, 10));
+    let (count, most) = (number(2, 6), number(3, 10));
     let begin = std::time::Instant::now();
     if which == "dart-gap" {
         dart_gap();

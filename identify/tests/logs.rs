@@ -46,14 +46,16 @@ fn a_car_at_its_limit_lacks_grip_first() {
         runs.truncate(most);
         Some(runs)
     };
-    let parts = 2;
     let all = || {
         let mut references = Vec::new();
         for name in dart::STEERING {
             references.extend(runs(name, 1, 1)?);
         }
-        let mut changed = runs(dart::FREE[0], parts, 2)?;
-        changed.extend(runs(dart::FREE[2], parts, 2)?);
+        // The fast one of the two in the short version.
+        let mut changed = runs(dart::FREE[2], if at_length() { 2 } else { 4 }, 4)?;
+        if at_length() {
+            changed.extend(runs(dart::FREE[0], 2, 2)?);
+        }
         let mut locked = runs(dart::FREE[1], 1, 1)?;
         locked.extend(runs(dart::FREE[3], 1, 1)?);
         Some((references, changed, locked))
@@ -77,7 +79,7 @@ fn a_car_at_its_limit_lacks_grip_first() {
     println!("lateral 2 s ahead: {before_m:.2} m, gain alone {gain_m:.2} m, found {after_m:.2} m; friction {grip:.2}");
     assert!(["floor_friction", "lateral_slip"].contains(&names(&found)[0][0]));
     assert!((0.7..1.1).contains(&grip), "{grip}");
-    assert!(before_m > 1.2 && after_m < 0.75 * before_m, "{before_m} {after_m}");
+    assert!(before_m > 1.2 && after_m < 0.8 * before_m, "{before_m} {after_m}");
     // Nothing in these runs says how a throttle that the log holds as a number becomes a speed.
     assert!(is_untestable(&found, "command_dead_band"));
     assert!(
@@ -99,7 +101,7 @@ fn redescribed(bundle: &Bundle, found: &Diagnosis) -> Bundle {
 /// Speed of the body limited, then its acceleration, then a delay; a slow lag alone is the trap.
 #[test]
 fn a_skid_steered_robot_has_limits_before_it_has_a_lag() {
-    let (count, most) = if at_length() { (6, 10) } else { (5, 6) };
+    let (count, most) = if at_length() { (6, 10) } else { (5, 5) };
     let Some(runs) = husky::runs(husky::ROBOT, &FOUR_WHEELS, count, most, at_length()) else {
         return;
     };
