@@ -11,7 +11,6 @@ fn main() {
     let which = std::env::args().nth(1).unwrap_or_default();
     let number = |k: usize, other: usize| std::env::args().nth(k).and_then(|n| n.parse().ok()).unwrap_or(other);
     let (count, most) = (number(2, 6), number(3, 10));
-    let begin = std::time::Instant::now();
     if which == "dart-gap" {
         dart_gap();
         return;
@@ -51,7 +50,6 @@ fn main() {
         return;
     };
     println!("{}", told(&found(references, runs, locked)));
-    println!("{:.1} s", begin.elapsed().as_secs_f64());
 }
 
 /// Lateral gap 2 s ahead of the free files under some models: `name:parameter=value,...` each.

@@ -255,12 +255,10 @@ fn a_skid_steered_robot_is_wider_than_its_track() {
             window.drive.cells.clear();
         }
     }
-    let simulated = |model: &Hypothesis| -> Vec<Vec<f64>> {
-        let all = side.records.iter();
-        all.map(|record| residuals(record, model, Stages::BOTH, None).unwrap_or_default())
-            .collect()
-    };
-    side.residuals = simulated(&model);
+    let all = side.records.iter();
+    side.residuals = all
+        .map(|record| residuals(record, &model, Stages::BOTH, None).unwrap_or_default())
+        .collect();
     let member = Member {
         candidate: candidate(&model, "track_width"),
         values: vec![0.05],

@@ -60,7 +60,7 @@ pub fn runs_of(robot: &str, name: &str, parts: usize) -> Option<Vec<Run>> {
         for k in first + number * length..first + (number + 1) * length {
             let fresh = k == 0 || stamp[k] != stamp[k - 1];
             let sampled = |value: f64| Some(value).filter(|_| fresh);
-            let (sin, cos) = yaw[k].sin_cos();
+            let (sin, cos) = libm::sincos(yaw[k]);
             rows.push(
                 t[k],
                 vec![

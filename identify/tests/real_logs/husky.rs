@@ -68,7 +68,7 @@ pub fn runs(robot: &str, wheels: &[bool], count: usize, most: usize, poses: bool
                 let base = pose;
                 for sample in 0..SAMPLES {
                     let at = first + window * SAMPLES + sample;
-                    let (sin, cos) = base[2].sin_cos();
+                    let (sin, cos) = libm::sincos(base[2]);
                     pose = [
                         base[0] + cos * px[at] - sin * py[at],
                         base[1] + sin * px[at] + cos * py[at],
@@ -90,7 +90,7 @@ pub fn runs(robot: &str, wheels: &[bool], count: usize, most: usize, poses: bool
                 // The next window starts one sample later: on with the motion of the last half second.
                 let last = first + (window + 1) * SAMPLES - 1;
                 let drift = |line: &[f64]| (line[last] - line[last - 10]) / 10.0;
-                let (sin, cos) = base[2].sin_cos();
+                let (sin, cos) = libm::sincos(base[2]);
                 let (dx, dy) = (drift(&px), drift(&py));
                 pose = [
                     pose[0] + cos * dx - sin * dy,
