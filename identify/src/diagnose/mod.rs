@@ -2,6 +2,7 @@
 
 mod assemble;
 mod exchange;
+mod excited;
 mod gap_table;
 mod next;
 
@@ -10,7 +11,7 @@ use twin::model_document::ModelDocument;
 use crate::bundle::Bundle;
 use crate::fit::{Fit, Member, Problem, fit, with_members};
 use crate::floor::{Floor, Metric, knob_changes};
-use crate::hypothesis::{Candidate, Excitation, Hypothesis, Knob, candidates, knobs};
+use crate::hypothesis::{Candidate, Hypothesis, Knob, candidates, knobs};
 use crate::locate::{Located, locate};
 use crate::record::{Record, Stages};
 use crate::report::Report;
@@ -147,7 +148,7 @@ pub fn diagnose(workers: &dyn Workers, input: &Input) -> Result<Diagnosis, Diagn
     let (records, mut remarks) = usable(&input.runs)?;
     let references = usable(&input.references)?.0;
     let locked_records = usable(&input.locked)?.0;
-    let excitation = excitation(&records, &given);
+    let excitation = excited::excitation(&records, &given);
     let candidates = candidates(&description, &excitation);
     let knobs = knobs(&candidates, description.motor.is_some());
     let stages: Vec<Stages> = knobs.iter().map(|knob| knob_stages(knob, &candidates)).collect();
@@ -247,33 +248,6 @@ fn usable(runs: &[Run]) -> Result<(Vec<Record>, Vec<String>), DiagnoseError> {
         records.push(record);
     }
     Ok((records, remarks))
-}
-
-fn excitation(records: &[Record], given: &Hypothesis) -> Excitation {
-    let mut excitation = Excitation {
-        extent_m: [f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY],
-        ..Excitation::default()
-    };
-    let robot = given.robot();
-    for record in records {
-        excitation.wheel_rad_per_s = excitation.wheel_rad_per_s.max(record.largest_command_rad_per_s);
-        let [x0, x1, y0, y1] = record.extent_m();
-        let e = &mut excitation.extent_m;
-        *e = [e[0].min(x0), e[1].max(x1), e[2].min(y0), e[3].max(y1)];
-        let Some(robot) = &robot else { continue };
-        for window in &record.windows {
-            let mut held = window.drive.held;
-            for row in &window.drive.rows {
-                held.apply(robot, row);
-                let twist = robot.twist_of_wheels(&held.command());
-                let now = [twist.forward_m_per_s, twist.left_m_per_s, twist.yaw_rate_rad_per_s];
-                for (largest, value) in excitation.twist.iter_mut().zip(now) {
-                    *largest = largest.max(value.abs());
-                }
-            }
-        }
-    }
-    excitation
 }
 
 fn knob_stages(knob: &Knob, candidates: &[Candidate]) -> Stages {
