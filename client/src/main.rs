@@ -4,6 +4,7 @@
 //! Exit status: 0 done, 1 refused or failed, 2 wrong usage, 3 service out of reach, 4 damaged data.
 
 mod commands;
+mod import;
 mod output;
 mod settings;
 
@@ -48,6 +49,8 @@ enum Command {
     Stop(commands::stop::Arguments),
     /// Download and check a run's archive
     Fetch(commands::fetch::Arguments),
+    /// Turn another laboratory's table (CSV, Parquet) into run bundles
+    Import(commands::import::Arguments),
     /// Replay the commands of a run bundle through the twin and write a bundle
     Simulate(commands::simulate::Arguments),
     /// Find where runs and twin disagree, name the missing effect, and write a report and a new model version
@@ -84,6 +87,7 @@ async fn run(arguments: Arguments, output: &Output) -> anyhow::Result<()> {
         Command::Cancel(a) => commands::cancel::run(a, &settings, output).await,
         Command::Stop(a) => commands::stop::run(a, &settings, output).await,
         Command::Fetch(a) => commands::fetch::run(a, &settings, output).await,
+        Command::Import(a) => commands::import::run(&a, output),
         Command::Simulate(a) => commands::simulate::run(&a, output),
         Command::Diagnose(a) => commands::diagnose::run(&a, output),
         Command::Diagnoses(a) => commands::diagnoses::run(a, &settings, output).await,

@@ -7,8 +7,10 @@ use twin::twist::BodyTwist;
 use crate::bundle::{Bundle, Series, Telemetry};
 use crate::channel::Channel;
 
-/// Half width of the window that poses are fitted over, s.
+/// Half width of the window that poses are fitted over, s; wider where poses are rare, in their median period.
 const HALF_WINDOW_S: f64 = 0.1;
+const HALF_WINDOW_PERIODS: f64 = 2.6;
+const WIDEST_HALF_WINDOW_S: f64 = 0.4;
 /// Fewest poses in a window.
 const MIN_POSES: usize = 5;
 /// Poses on each side that a pose is compared with.
@@ -17,6 +19,9 @@ const NEIGHBOURS: usize = 4;
 const OUTLIER_M: f64 = 0.05;
 /// The same for the yaw, rad; trackers flip tags by quarter and half turns.
 const OUTLIER_RAD: f64 = 0.5;
+/// A step of the path longer than this and what the fastest robot drives in the time is a break, m and m/s.
+const BREAK_M: f64 = 0.3;
+const BREAK_M_PER_S: f64 = 15.0;
 /// Oldest wheel, current or steering sample that still describes the anchor, s.
 const MAX_AGE_S: f64 = 0.1;
 
@@ -31,6 +36,8 @@ pub struct Track {
     pub poses: Vec<Pose>,
     /// Poses left out as tracker errors.
     pub outliers: u32,
+    /// Half width of the window that poses are fitted over, s.
+    pub half_window_s: f64,
 }
 
 impl Track {
@@ -69,15 +76,33 @@ impl Track {
             track.time_s.push(telemetry.time_s[*row] - bundle.run.pose_latency_s);
             track.poses.push(Pose { yaw_rad, ..*pose });
         }
+        let mut periods: Vec<f64> = track.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        periods.sort_by(f64::total_cmp);
+        let period_s = periods.get(periods.len() / 2).copied().unwrap_or(0.0);
+        track.half_window_s = (HALF_WINDOW_PERIODS * period_s).clamp(HALF_WINDOW_S, WIDEST_HALF_WINDOW_S);
         track
     }
 
-    /// Pose and world velocity at a time by least squares of a parabola over 0.2 s of poses.
+    /// Times of poses that do not follow from the one before: the tracker lost the robot, or took up another one.
+    pub fn breaks(&self) -> Vec<f64> {
+        let mut breaks = Vec::new();
+        for k in 1..self.poses.len() {
+            let (a, b) = (&self.poses[k - 1], &self.poses[k]);
+            let (dx_m, dy_m) = (b.x_m - a.x_m, b.y_m - a.y_m);
+            let most_m = BREAK_M + BREAK_M_PER_S * (self.time_s[k] - self.time_s[k - 1]);
+            if dx_m * dx_m + dy_m * dy_m > most_m * most_m {
+                breaks.push(self.time_s[k]);
+            }
+        }
+        breaks
+    }
+
+    /// Pose and world velocity at a time by least squares of a parabola over 0.2 s of poses (more where they are rare).
     ///
     /// - `None` with fewer than five poses there, or all of them on one side.
     pub fn fitted(&self, time_s: f64) -> Option<(Pose, [f64; 3])> {
-        let from = self.time_s.partition_point(|t| *t < time_s - HALF_WINDOW_S);
-        let to = self.time_s.partition_point(|t| *t <= time_s + HALF_WINDOW_S);
+        let from = self.time_s.partition_point(|t| *t < time_s - self.half_window_s);
+        let to = self.time_s.partition_point(|t| *t <= time_s + self.half_window_s);
         if to < from + MIN_POSES || self.time_s[from] > time_s || self.time_s[to - 1] < time_s {
             return None;
         }
@@ -85,7 +110,7 @@ impl Track {
         let mut sums = [[0.0; 3]; 3];
         for index in from..to {
             // In windows, so that the equations are well scaled.
-            let t = (self.time_s[index] - time_s) / HALF_WINDOW_S;
+            let t = (self.time_s[index] - time_s) / self.half_window_s;
             let powers = [1.0, t, t * t];
             for (order, moment) in moments.iter_mut().enumerate() {
                 *moment += powers[order.min(2)] * powers[order - order.min(2)];
@@ -106,7 +131,7 @@ impl Track {
             y_m: y[0],
             yaw_rad: yaw[0],
         };
-        Some((pose, [x[1], y[1], yaw[1]].map(|slope| slope / HALF_WINDOW_S)))
+        Some((pose, [x[1], y[1], yaw[1]].map(|slope| slope / self.half_window_s)))
     }
 }
 

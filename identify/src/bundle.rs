@@ -84,6 +84,13 @@ impl Bundle {
         })
     }
 
+    /// True when every driven wheel has set-points, of its own or through the body's twist.
+    pub fn commands_wheels(&self) -> bool {
+        let has = |channel: Channel| self.telemetry.channels.contains_key(&channel);
+        let mut driven = (0..self.run.robot.wheels.len()).filter(|k| self.run.robot.wheels[*k].driven);
+        has(Channel::CommandForward) || driven.all(|k| has(Channel::CommandWheel(k)))
+    }
+
     /// The command columns, one row per time stamp.
     pub fn command_rows(&self) -> Vec<CommandRow> {
         let mut rows: Vec<CommandRow> = self
@@ -294,7 +301,7 @@ fn remarks(run: &Run, telemetry: &Telemetry) -> Vec<Remark> {
         if described.driven && !commanded(wheel) && !by_twist {
             remark(
                 Channel::CommandWheel(wheel).name(),
-                "absent although the wheel is driven; taken as 0".to_owned(),
+                "absent although the wheel is driven; a replay takes 0, a diagnosis compares rolling alone".to_owned(),
             );
         }
     }

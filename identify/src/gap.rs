@@ -3,15 +3,17 @@
 //! Every 2 s the twin's path is laid on the measured one (the anchor) and driven on by the recorded commands alone; the
 //! gap is the distance between its pose and the measured one 0.5, 1, 2 and 5 s later. The twin starts 0.3 s before the
 //! anchor in the measured state, so that its speed loops have settled, and is anchored by the rigid motion that best
-//! takes its poses to the measured ones within 0.1 s of the anchor. It shows everything and names nothing.
+//! takes its poses to the measured ones within 0.1 s of the anchor. Where the run has no set-points of the driven wheels, their
+//! measured speeds are taken instead: the gap is then that of the contact and the steering alone. It shows everything and names nothing.
 
 use serde::Serialize;
 use twin::pose::{Pose, wrapped_rad};
-use twin::replay::{CommandRow, HeldCommand, ReplayError, ReplayRow, replay_from};
+use twin::replay::{CommandRow, HeldCommand, ReplayError, ReplayRow, replay_after};
 use twin::robot::Robot;
 
 use crate::anchor::{Track, start_at};
 use crate::bundle::Bundle;
+use crate::record::{MEMORY_S, RollingInput};
 
 /// Horizons, s.
 pub const HORIZONS_S: [f64; 4] = [0.5, 1.0, 2.0, 5.0];
@@ -19,10 +21,10 @@ pub const HORIZONS_S: [f64; 4] = [0.5, 1.0, 2.0, 5.0];
 pub const ANCHOR_PERIOD_S: f64 = 2.0;
 /// Time that the twin runs before it is anchored, s.
 pub const RUN_IN_S: f64 = 0.3;
-/// Half width of the window of poses that the twin is laid on, s.
-const ANCHOR_WINDOW_S: f64 = 0.1;
 /// Fewest poses in that window.
 const MIN_ANCHOR_POSES: usize = 5;
+/// Rate at which measured wheel speeds stand for set-points, Hz.
+const CONTROL_HZ: f64 = 120.0;
 /// A measured pose this close to a horizon stands for it, s.
 const HORIZON_TOLERANCE_S: f64 = 0.05;
 
@@ -97,8 +99,11 @@ pub fn end_to_end_with(bundle: &Bundle, robot: &Robot) -> Result<EndToEndGap, Ga
         ..EndToEndGap::default()
     };
     let mut begin_s = *first_s;
-    let mut held = HeldCommand::default();
-    let mut applied = 0;
+    let mut before = HeldCommand::default();
+    if let Some(first) = rows.first() {
+        before.apply(robot, first);
+    }
+    let (mut forgotten, mut applied) = (0, 0);
     while begin_s + RUN_IN_S + HORIZONS_S[0] <= *last_s {
         let row = bundle.telemetry.time_s.partition_point(|t| *t < begin_s);
         let start = if row < rows.len() {
@@ -110,13 +115,15 @@ pub fn end_to_end_with(bundle: &Bundle, robot: &Robot) -> Result<EndToEndGap, Ga
             None => false,
             Some(start) => {
                 let start_s = bundle.telemetry.time_s[row];
-                while applied < rows.len() && rows[applied].time_s <= start_s {
-                    held.apply(robot, &rows[applied]);
-                    applied += 1;
+                applied += rows[applied..].partition_point(|row| row.time_s <= start_s);
+                while forgotten < applied && rows[forgotten].time_s <= start_s - MEMORY_S {
+                    before.apply(robot, &rows[forgotten]);
+                    forgotten += 1;
                 }
+                let earlier = &rows[forgotten..applied];
                 let anchor = Anchor::at(&track, start_s + RUN_IN_S);
                 let plan = anchor.plan(&rows[applied..], start_s, &track);
-                let out = replay_from(robot, &start, held, &plan).map_err(|source| GapError::Replay {
+                let out = replay_after(robot, &start, before, earlier, &plan).map_err(|source| GapError::Replay {
                     anchor_s: anchor.time_s,
                     source,
                 })?;
@@ -133,11 +140,36 @@ pub fn end_to_end_with(bundle: &Bundle, robot: &Robot) -> Result<EndToEndGap, Ga
     Ok(gap)
 }
 
-/// Command rows at the time they take effect.
+/// Command rows at the time they take effect; measured wheel speeds at the rate of the control where there are no set-points.
 fn delayed_rows(bundle: &Bundle) -> Vec<CommandRow> {
     let mut rows = bundle.command_rows();
     for row in &mut rows {
         row.time_s += bundle.run.command_delay_s;
+    }
+    let input = RollingInput::of(bundle).filter(|_| !bundle.commands_wheels());
+    let (Some(input), Some(first), Some(last)) = (input, rows.first(), rows.last()) else {
+        return rows;
+    };
+    let (first_s, count) = (first.time_s, ((last.time_s - first.time_s) * CONTROL_HZ) as usize);
+    rows.retain(|row| row.steering_rad.is_some());
+    let steering = rows;
+    let mut rows = Vec::with_capacity(count + 1);
+    let (mut next, mut held) = (0, None);
+    for k in 0..=count {
+        let from_s = first_s + k as f64 / CONTROL_HZ;
+        let mut row = CommandRow {
+            time_s: from_s,
+            ..CommandRow::default()
+        };
+        for (slot, wheel) in row.wheel_rad_per_s.iter_mut().zip(&input.wheels) {
+            *slot = wheel.as_ref().map(|line| line.speed(from_s, from_s + 1.0 / CONTROL_HZ));
+        }
+        while next < steering.len() && steering[next].time_s <= from_s {
+            held = steering[next].steering_rad;
+            next += 1;
+        }
+        row.steering_rad = held;
+        rows.push(row);
     }
     rows
 }
@@ -151,8 +183,8 @@ struct Anchor {
 
 impl Anchor {
     fn at(track: &Track, time_s: f64) -> Anchor {
-        let from = track.time_s.partition_point(|t| *t < time_s - ANCHOR_WINDOW_S);
-        let to = track.time_s.partition_point(|t| *t <= time_s + ANCHOR_WINDOW_S);
+        let from = track.time_s.partition_point(|t| *t < time_s - track.half_window_s);
+        let to = track.time_s.partition_point(|t| *t <= time_s + track.half_window_s);
         let mut goals = Vec::new();
         for horizon_s in HORIZONS_S {
             let wanted_s = time_s + horizon_s;

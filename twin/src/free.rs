@@ -81,6 +81,19 @@ impl FreeRobot {
         self
     }
 
+    /// True when an effect of commands remembers what was sent.
+    pub fn remembers_commands(&self) -> bool {
+        self.runtime.as_ref().is_some_and(Runtime::remembers_commands)
+    }
+
+    /// Lets the effects of commands see a set-point that was in force `to_go` steps before the first step: for starts in
+    /// motion, called step by step after [`FreeRobot::after_holding`].
+    pub fn remember(&mut self, command: &WheelCommand, to_go: u64) {
+        if let Some(runtime) = &mut self.runtime {
+            runtime.remember(command, to_go);
+        }
+    }
+
     /// Integrates every 480 Hz sample of the speed loops in `refinement` equal steps (1 in the world). For convergence tests.
     pub fn with_refinement(mut self, refinement: u32) -> FreeRobot {
         self.refinement = refinement.max(1);

@@ -14,6 +14,9 @@ use crate::{MAX_WHEELS, PHYSICS_RATE_HZ};
 /// Time stamps are text with microseconds: a command counts at a sampling instant it misses by this much, s.
 const STAMP_TOLERANCE_S: f64 = 1e-5;
 
+/// Set-points longer ago than this are not worked out, steps (20 s).
+const LONGEST_MEMORY_STEPS: u64 = 20 * PHYSICS_RATE_HZ as u64;
+
 /// One row of the command columns; `None` = no sample at this time.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct CommandRow {
@@ -98,12 +101,27 @@ pub fn replay_from(
     held: HeldCommand,
     rows: &[CommandRow],
 ) -> Result<Vec<ReplayRow>, ReplayError> {
+    replay_after(robot, start, held, &[], rows)
+}
+
+/// The same when set-points changed shortly before the start: what delay, lag and slew remember of them is worked out.
+///
+/// - `held`: in force before the first of `earlier`; `earlier` ends before the first of `rows`.
+/// - Errors: as [`replay_from`].
+pub fn replay_after(
+    robot: &Robot,
+    start: &Start,
+    held: HeldCommand,
+    earlier: &[CommandRow],
+    rows: &[CommandRow],
+) -> Result<Vec<ReplayRow>, ReplayError> {
+    check_rows(earlier)?;
     check_rows(rows)?;
     let Some(first) = rows.first() else {
         return Ok(Vec::new());
     };
     let mut free = FreeRobot::moving(robot, start).after_holding(&held.command());
-    let mut held = held;
+    let mut held = remembered(robot, &mut free, held, earlier, first.time_s);
     let mut next = 0;
     let duration_s = rows.last().map_or(0.0, |last| last.time_s - first.time_s);
     let mut history = History::new(robot.sensors(), duration_s, free.state());
@@ -129,6 +147,33 @@ pub fn replay_from(
         });
     }
     Ok(out)
+}
+
+/// Runs the effects of commands through what was sent before `start_s`; the set-points then in force.
+fn remembered(
+    robot: &Robot,
+    free: &mut FreeRobot,
+    mut held: HeldCommand,
+    earlier: &[CommandRow],
+    start_s: f64,
+) -> HeldCommand {
+    let remembers = free.remembers_commands();
+    let Some(oldest) = earlier.first().filter(|_| remembers) else {
+        earlier.iter().for_each(|row| held.apply(robot, row));
+        return held;
+    };
+    let steps = (((start_s - oldest.time_s) * f64::from(PHYSICS_RATE_HZ)) as u64).min(LONGEST_MEMORY_STEPS);
+    let mut next = 0;
+    for to_go in (1..=steps).rev() {
+        let now_s = start_s - to_go as f64 / f64::from(PHYSICS_RATE_HZ);
+        while next < earlier.len() && earlier[next].time_s <= now_s + STAMP_TOLERANCE_S {
+            held.apply(robot, &earlier[next]);
+            next += 1;
+        }
+        free.remember(&held.command(), to_go);
+    }
+    earlier[next..].iter().for_each(|row| held.apply(robot, row));
+    held
 }
 
 fn check_rows(rows: &[CommandRow]) -> Result<(), ReplayError> {

@@ -4,6 +4,7 @@ pub mod cancel;
 pub mod diagnose;
 pub mod diagnoses;
 pub mod fetch;
+pub mod import;
 pub mod login;
 pub mod runs;
 pub mod simulate;

@@ -396,8 +396,10 @@ fn rest(case: &Case, effects: &[NamedEffect], absorbed: &[Absorbed]) -> (Vec<Rej
             .map(|(_, score)| score)
             .collect();
         let sensitivity = own.iter().map(|score| score.sensitivity).fold(0.0, f64::max);
-        if own.is_empty() {
+        if own.is_empty() && entry.name == "command_hold" {
             untested("lost set-points leave no trace of their own in these channels".to_owned());
+        } else if own.is_empty() {
+            untested("these runs command nothing that it could act on".to_owned());
         } else if sensitivity < TESTABLE {
             untested(format!(
                 "at its practical size it moves the channels of these runs by {sensitivity:.1} standard deviations; 5 are needed{}",
@@ -417,11 +419,13 @@ fn rest(case: &Case, effects: &[NamedEffect], absorbed: &[Absorbed]) -> (Vec<Rej
 }
 
 fn because(case: &Case, name: &str, gain: f64) -> String {
+    // The last round knows most.
+    let rounds = case.taken.iter().rev().flat_map(|taken| &taken.excluded);
     let judged = case
-        .taken
+        .last
         .iter()
-        .flat_map(|taken| &taken.excluded)
-        .chain(case.last.iter().flat_map(|stop| &stop.finalists))
+        .flat_map(|stop| &stop.finalists)
+        .chain(rounds)
         .find(|finalist| finalist.member.candidate.entry.name == name);
     if let Some(finalist) = judged {
         return finalist

@@ -1,6 +1,8 @@
 //! From runs to a report and a model version.
 
 mod assemble;
+mod exchange;
+mod excited;
 mod gap_table;
 mod next;
 
@@ -9,12 +11,12 @@ use twin::model_document::ModelDocument;
 use crate::bundle::Bundle;
 use crate::fit::{Fit, Member, Problem, fit, with_members};
 use crate::floor::{Floor, Metric, knob_changes};
-use crate::hypothesis::{Candidate, Excitation, Hypothesis, Knob, candidates, knobs};
+use crate::hypothesis::{Candidate, Hypothesis, Knob, candidates, knobs};
 use crate::locate::{Located, locate};
 use crate::record::{Record, Stages};
 use crate::report::Report;
 use crate::screen::{Score, all_residuals, columns};
-use crate::select::{Finalist, Role, Round, Sensitivities, Side, Stop, roles, round};
+use crate::select::{Finalist, Role, Round, Sensitivities, Side, Stop, roles, round, slack_of};
 use crate::workers::{Cancelled, Workers};
 
 /// Version of the effect library and of this workflow.
@@ -146,7 +148,7 @@ pub fn diagnose(workers: &dyn Workers, input: &Input) -> Result<Diagnosis, Diagn
     let (records, mut remarks) = usable(&input.runs)?;
     let references = usable(&input.references)?.0;
     let locked_records = usable(&input.locked)?.0;
-    let excitation = excitation(&records, &given);
+    let excitation = excited::excitation(&records, &given);
     let candidates = candidates(&description, &excitation);
     let knobs = knobs(&candidates, description.motor.is_some());
     let stages: Vec<Stages> = knobs.iter().map(|knob| knob_stages(knob, &candidates)).collect();
@@ -234,6 +236,11 @@ fn usable(runs: &[Run]) -> Result<(Vec<Record>, Vec<String>), DiagnoseError> {
                 "{}: no set-points: commands, motors and battery are untestable with it",
                 run.path
             ));
+        } else if !run.bundle.commands_wheels() {
+            remarks.push(format!(
+                "{}: no set-points of the driven wheels: their commands, motors and battery are untestable with it",
+                run.path
+            ));
         }
         for remark in &run.bundle.remarks {
             remarks.push(format!("{}: {} {}", run.path, remark.column, remark.message));
@@ -241,33 +248,6 @@ fn usable(runs: &[Run]) -> Result<(Vec<Record>, Vec<String>), DiagnoseError> {
         records.push(record);
     }
     Ok((records, remarks))
-}
-
-fn excitation(records: &[Record], given: &Hypothesis) -> Excitation {
-    let mut excitation = Excitation {
-        extent_m: [f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY],
-        ..Excitation::default()
-    };
-    let robot = given.robot();
-    for record in records {
-        excitation.wheel_rad_per_s = excitation.wheel_rad_per_s.max(record.largest_command_rad_per_s);
-        let [x0, x1, y0, y1] = record.extent_m();
-        let e = &mut excitation.extent_m;
-        *e = [e[0].min(x0), e[1].max(x1), e[2].min(y0), e[3].max(y1)];
-        let Some(robot) = &robot else { continue };
-        for window in &record.windows {
-            let mut held = window.drive.held;
-            for row in &window.drive.rows {
-                held.apply(robot, row);
-                let twist = robot.twist_of_wheels(&held.command());
-                let now = [twist.forward_m_per_s, twist.left_m_per_s, twist.yaw_rate_rad_per_s];
-                for (largest, value) in excitation.twist.iter_mut().zip(now) {
-                    *largest = largest.max(value.abs());
-                }
-            }
-        }
-    }
-    excitation
 }
 
 fn knob_stages(knob: &Knob, candidates: &[Candidate]) -> Stages {
@@ -369,6 +349,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
                 },
                 model: &model,
                 candidates: &case.candidates,
+                members: &members,
                 explained,
                 seed: case.input.seed,
             },
@@ -408,7 +389,12 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
             break;
         };
         case.taken.push(taken(&stop, accepted));
-        members.push(stop.finalists[accepted].member.clone());
+        let finalist = &stop.finalists[accepted];
+        if finalist.joint.is_empty() {
+            members.push(finalist.member.clone());
+        } else {
+            members.clone_from(&finalist.joint);
+        }
         case.last = Some(stop);
         let base: Option<Vec<Vec<f64>>> = all_residuals(workers, &train.records, &case.floor.model)?
             .into_iter()
@@ -423,6 +409,14 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
         let Some(joint) = fit(&problem, members.clone()) else {
             break;
         };
+        let joint = exchange::exchange(
+            workers,
+            &problem,
+            &validation,
+            &mut case.taken,
+            slack_of(&case.floor),
+            joint,
+        )?;
         members = joint.members.clone();
         explained = joint.gain;
         let model = with_members(&case.floor.model, &members);

@@ -313,13 +313,21 @@ fn patches(excitation: &Excitation) -> Vec<Vec<f64>> {
 fn body_limits(excitation: &Excitation) -> Vec<Vec<f64>> {
     let mut all = Vec::new();
     for axis in 0..3 {
-        for share in [0.85, 0.6] {
+        for share in [0.85, 0.6, 0.3] {
             let limit = share * excitation.twist[axis];
             if limit > 0.02 {
                 let mut values = vec![f64::INFINITY; 3];
                 values[axis] = limit;
                 all.push(values);
             }
+        }
+    }
+    // Speed and yaw rate at once, as controllers of drives limit them.
+    for share in [0.7, 0.4] {
+        let limits = excitation.twist.map(|twist| share * twist);
+        let values = limits.map(|limit| if limit > 0.02 { limit } else { f64::INFINITY });
+        if limits[0] > 0.02 && limits[2] > 0.02 {
+            all.push(values.to_vec());
         }
     }
     all

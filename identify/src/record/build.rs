@@ -4,11 +4,11 @@ use twin::free::Start;
 use twin::replay::{CommandRow, HeldCommand};
 
 use super::{
-    CELL_S, Cell, Chain, GRID_HZ, Line, POSE_CELL_S, PoseCell, Quantity, RUN_IN_S, Record, RollingInput, WINDOW_S,
-    WheelLine, Window,
+    CELL_S, Cell, Chain, GRID_HZ, Line, MEMORY_S, POSE_CELL_S, PoseCell, Quantity, RUN_IN_S, Record, RollingInput,
+    WINDOW_S, WheelLine, Window,
 };
 use crate::anchor::{Track, start_at};
-use crate::bundle::Bundle;
+use crate::bundle::{Bundle, LONG_PAUSE_S};
 use crate::channel::Channel;
 
 /// Shortest compared part of the last window, s.
@@ -20,6 +20,15 @@ const RESTING: f64 = 0.05;
 const SAME_ROW_S: f64 = 1e-5;
 /// A sample further from its neighbours' median than this many median deviations is a fault of the recorder.
 const SPIKE: f64 = 12.0;
+
+/// Set-points around the start of a window.
+struct Sent<'a> {
+    /// In force before `earlier`, and at the start.
+    before: HeldCommand,
+    held: HeldCommand,
+    earlier: &'a [CommandRow],
+    later: &'a [CommandRow],
+}
 
 struct Source<'a> {
     bundle: &'a Bundle,
@@ -57,26 +66,69 @@ pub(super) fn record(name: &str, bundle: &Bundle) -> Record {
         skipped: 0,
     };
     let times = &bundle.telemetry.time_s;
-    let (Some(first_s), Some(last_s)) = (times.first(), times.last()) else {
-        return record;
-    };
-    let begin_s = source.track.time_s.first().copied().unwrap_or(*first_s) + 0.1;
+    let first_s = source.track.time_s.first().or(times.first()).copied().unwrap_or(0.0);
     let mut held = HeldCommand::default();
     let mut applied = 0;
-    let mut start_s = begin_s;
-    while start_s + RUN_IN_S + SHORTEST_WINDOW_S <= *last_s {
-        while applied < source.commands.len() && source.commands[applied].time_s <= start_s {
-            held.apply(&bundle.robot, &source.commands[applied]);
-            applied += 1;
+    // What was in force before the run is not known: what it begins with.
+    let mut before = HeldCommand::default();
+    if let Some(first) = source.commands.first() {
+        before.apply(&bundle.robot, first);
+    }
+    let mut forgotten = 0;
+    let margin_s = if source.track.poses.is_empty() {
+        0.1
+    } else {
+        source.track.half_window_s
+    };
+    let spans = spans(times, first_s, &source.track.breaks());
+    for (from_s, end_s) in &spans {
+        let mut start_s = from_s + margin_s;
+        while start_s + RUN_IN_S + SHORTEST_WINDOW_S <= *end_s {
+            while applied < source.commands.len() && source.commands[applied].time_s <= start_s {
+                held.apply(&bundle.robot, &source.commands[applied]);
+                applied += 1;
+            }
+            while forgotten < applied && source.commands[forgotten].time_s <= start_s - MEMORY_S {
+                before.apply(&bundle.robot, &source.commands[forgotten]);
+                forgotten += 1;
+            }
+            let to_s = (start_s + RUN_IN_S + WINDOW_S).min(*end_s);
+            let sent = Sent {
+                before,
+                earlier: &source.commands[forgotten..applied],
+                held,
+                later: &source.commands[applied..],
+            };
+            match window(&source, start_s, to_s, &sent) {
+                Some(window) => record.windows.push(window),
+                None => record.skipped += 1,
+            }
+            start_s += WINDOW_S;
         }
-        let to_s = (start_s + RUN_IN_S + WINDOW_S).min(*last_s);
-        match window(&source, start_s, to_s, held, &source.commands[applied..]) {
-            Some(window) => record.windows.push(window),
-            None => record.skipped += 1,
-        }
-        start_s += WINDOW_S;
     }
     record
+}
+
+/// Spans of time without a pause of the rows, from `first_s` on, that end before each of the `breaks`.
+fn spans(times: &[f64], first_s: f64, breaks: &[f64]) -> Vec<(f64, f64)> {
+    let mut periods: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    periods.sort_by(f64::total_cmp);
+    let period_s = periods.get(periods.len() / 2).copied().unwrap_or(0.0);
+    let pause_s = LONG_PAUSE_S.max(5.0 * period_s);
+    let mut spans: Vec<(f64, f64)> = Vec::new();
+    let mut next = 0;
+    for time_s in times.iter().copied().filter(|t| *t >= first_s) {
+        let mut broken = false;
+        while next < breaks.len() && breaks[next] <= time_s {
+            broken = true;
+            next += 1;
+        }
+        match spans.last_mut() {
+            Some(last) if time_s - last.1 <= pause_s && !broken => last.1 = time_s,
+            _ => spans.push((time_s, time_s)),
+        }
+    }
+    spans
 }
 
 /// On-board channels that are compared.
@@ -101,6 +153,10 @@ fn lines(bundle: &Bundle) -> Vec<(Quantity, Line)> {
         (Quantity::AccelX, Channel::AccelX),
         (Quantity::AccelY, Channel::AccelY),
     ]);
+    // Without set-points of the wheels nothing says what they, the motors and the body should have done.
+    if !bundle.commands_wheels() {
+        wanted.retain(|(quantity, _)| matches!(quantity, Quantity::Steering | Quantity::Gyro));
+    }
     let mut lines = Vec::new();
     for (quantity, channel) in wanted {
         let dead = bundle
@@ -171,7 +227,8 @@ fn largest_command(source: &Source) -> f64 {
     largest
 }
 
-fn window(source: &Source, start_s: f64, to_s: f64, held: HeldCommand, later: &[CommandRow]) -> Option<Window> {
+fn window(source: &Source, start_s: f64, to_s: f64, sent: &Sent) -> Option<Window> {
+    let (held, later) = (sent.held, sent.later);
     let bundle = source.bundle;
     let times = &bundle.telemetry.time_s;
     let row = times.partition_point(|t| *t < start_s).min(times.len() - 1);
@@ -193,6 +250,8 @@ fn window(source: &Source, start_s: f64, to_s: f64, held: HeldCommand, later: &[
     let mut drive = Chain {
         rows: drive_rows(start_s, to_s, later),
         held,
+        earlier: sent.earlier.to_vec(),
+        before: sent.before,
         ..Chain::default()
     };
     let rolling_input = source.input.as_ref().filter(|input| input.covers(start_s, to_s));
@@ -206,11 +265,12 @@ fn window(source: &Source, start_s: f64, to_s: f64, held: HeldCommand, later: &[
             (Quantity::Gyro, Some(rolling)) => rolling,
             // Without set-points nothing drives this chain.
             _ if source.commands.is_empty() => continue,
+            (Quantity::Gyro, None) if !bundle.commands_wheels() => continue,
             _ => &mut drive,
         };
         add_cells(chain, *quantity, line, from_s, to_s);
     }
-    if rolling.is_some() || !source.commands.is_empty() {
+    if rolling.is_some() || bundle.commands_wheels() {
         let chain = rolling.as_mut().unwrap_or(&mut drive);
         add_poses(chain, &source.track, from_s, to_s);
     }

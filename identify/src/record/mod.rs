@@ -24,6 +24,8 @@ use crate::bundle::Bundle;
 pub const WINDOW_S: f64 = 2.0;
 /// Time that the twin runs before it is compared, s.
 pub const RUN_IN_S: f64 = 0.5;
+/// Time before a window whose set-points effects of commands remember, s.
+pub const MEMORY_S: f64 = 1.5;
 /// Rate of the rows that simulations are read out at, Hz.
 pub const GRID_HZ: f64 = 240.0;
 /// Width of a cell of an on-board channel, s.
@@ -58,7 +60,11 @@ pub struct PoseCell {
 #[derive(Debug, Clone, Default)]
 pub struct Chain {
     pub rows: Vec<CommandRow>,
+    /// In force at the start.
     pub held: HeldCommand,
+    /// Set-points of the time before the start, and what was in force before them: effects of commands remember them.
+    pub earlier: Vec<CommandRow>,
+    pub before: HeldCommand,
     /// Where a measured sample lies among the rows: position of the row before and the part of the way to the next.
     pub samples: Vec<(u32, f64)>,
     pub cells: Vec<Cell>,

@@ -4,7 +4,7 @@ use twin::effect::Effect;
 use twin::effect::library::{Hook, Needs, find};
 use twin::free::Start;
 use twin::pose::wrapped_rad;
-use twin::replay::{CommandRow, ReplayRow, replay_from};
+use twin::replay::{CommandRow, ReplayRow, replay_after};
 use twin::robot::Robot;
 
 use super::build::rolling_rows;
@@ -114,7 +114,12 @@ fn simulate(
         }
         _ => &chain.rows,
     };
-    let states = replay_from(robot, &start, chain.held, rows).ok()?;
+    let before = if chain.earlier.is_empty() {
+        chain.held
+    } else {
+        chain.before
+    };
+    let states = replay_after(robot, &start, before, &chain.earlier, rows).ok()?;
     compare(chain, &states, out);
     Some(())
 }

@@ -3,5 +3,5 @@
 mod round;
 mod split;
 
-pub use round::{Finalist, Round, Sensitivities, Side, Stop, round};
+pub use round::{Finalist, Round, Sensitivities, Side, Stop, round, slack_of};
 pub use split::{Role, roles};

@@ -7,7 +7,7 @@ use crate::floor::{Floor, Metric};
 use crate::hypothesis::{Candidate, Hypothesis};
 use crate::random::Random;
 use crate::record::{Record, Stages, residuals};
-use crate::screen::{Change, Score, columns, scores, thresholds};
+use crate::screen::{Change, Score, all_residuals, columns, scores, thresholds};
 use crate::workers::{Cancelled, Workers, gathered};
 
 /// Most candidates that are fitted in a round.
@@ -15,6 +15,8 @@ const SHORT_LIST: usize = 10;
 /// Beyond the first few, candidates with a smaller share of the best score are not fitted.
 const FITTED_ANYWAY: usize = 5;
 const WORTH_FITTING: f64 = 0.08;
+/// The best that are fitted together with what the model has.
+const FITTED_TOGETHER: usize = 3;
 /// Slow to simulate: fitted only among the first three.
 const SLOW: &str = "longitudinal_slip";
 /// Share of the threshold below which old sensitivities are enough to stop.
@@ -53,6 +55,8 @@ pub struct Round<'a> {
     pub validation: Side<'a>,
     pub model: &'a Hypothesis,
     pub candidates: &'a [Candidate],
+    /// What the model has beyond the floor's.
+    pub members: &'a [Member],
     /// Gain on the training runs of what is already in the model.
     pub explained: f64,
     pub seed: u64,
@@ -75,6 +79,8 @@ pub struct Finalist {
     pub because: Option<String>,
     /// Cosine to the accepted one, after projection.
     pub cosine: f64,
+    /// All members as they are fitted together with this one, it being the last; empty when the others stayed as they were.
+    pub joint: Vec<Member>,
 }
 
 impl Finalist {
@@ -104,6 +110,7 @@ pub struct Stop {
 struct Fitted {
     fit: Fit,
     position: usize,
+    joint: Vec<Member>,
 }
 
 /// Sensitivities of all candidates' columns on the training runs, `[column][record]`, kept from round to round.
@@ -145,8 +152,15 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Sensitivities) -> R
     };
     let scores = scores(data.candidates, &gram);
     let threshold = thresholds(data.candidates, &gram, LEVEL, data.seed) * data.floor.inflation();
+    // What the model has already is fitted anew with what joins it.
+    let is_member = |candidate: &Candidate| {
+        let own = |member: &Member| {
+            member.candidate.entry.name == candidate.entry.name && member.candidate.index == candidate.index
+        };
+        data.members.iter().any(own)
+    };
     let mut order: Vec<usize> = (0..data.candidates.len())
-        .filter(|c| scores[*c].gain > threshold)
+        .filter(|c| scores[*c].gain > threshold && !is_member(&data.candidates[*c]))
         .collect();
     order.sort_by(|a, b| scores[*b].gain.total_cmp(&scores[*a].gain).then(a.cmp(b)));
     let order = short_list(data.candidates, &order, &scores);
@@ -169,7 +183,7 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Sensitivities) -> R
     let mut pairs: Vec<(Finalist, &Fitted)> = judged.into_iter().zip(&fitted).collect();
     pairs.sort_by(|a, b| b.0.gain().total_cmp(&a.0.gain()).then(a.0.position.cmp(&b.0.position)));
     stability(data, &mut pairs);
-    stop.accepted = pairs.iter().position(|(finalist, _)| finalist.because.is_none());
+    stop.accepted = simplest(&pairs, slack_of(data.floor));
     if let Some(best) = stop.accepted {
         let own: Vec<Vec<f64>> = difference(data.train.residuals, &pairs[best].1.fit.residuals);
         for (finalist, fitted) in &mut pairs {
@@ -177,10 +191,11 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Sensitivities) -> R
             finalist.cosine = cosine(data.train.metric, &own, &other);
         }
         let best_gain = pairs[best].0.gain();
-        let slack = VALIDATION_GAIN * data.floor.inflation() + LAW_SHARE * best_gain;
+        let slack = slack_of(data.floor)(best_gain);
         let name = pairs[best].0.member.candidate.entry.name;
         for (position, (finalist, _)) in pairs.iter().enumerate() {
-            let deficit = best_gain - finalist.gain();
+            // A more complicated one may gain a little more.
+            let deficit = (best_gain - finalist.gain()).max(0.0);
             let alike = finalist.cosine > SAME && deficit < slack + 0.03 * best_gain;
             let other = finalist.member.candidate.entry.name != name
                 || finalist.member.candidate.index != pairs[best].0.member.candidate.index;
@@ -193,6 +208,27 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Sensitivities) -> R
     }
     stop.finalists = pairs.into_iter().map(|pair| pair.0).collect();
     Ok(stop)
+}
+
+/// Difference of gains that says nothing, for a gain.
+pub fn slack_of(floor: &Floor) -> impl Fn(f64) -> f64 {
+    let chance = VALIDATION_GAIN * floor.inflation();
+    move |gain| chance + LAW_SHARE * gain
+}
+
+/// The best that passes; of those that the gain cannot tell from it the one with the fewest sizes.
+fn simplest(pairs: &[(Finalist, &Fitted)], slack: impl Fn(f64) -> f64) -> Option<usize> {
+    let best = pairs.iter().position(|(finalist, _)| finalist.because.is_none())?;
+    let best_gain = pairs[best].0.gain();
+    let sizes = |finalist: &Finalist| {
+        let axes = finalist.member.candidate.axes.iter().zip(&finalist.member.values);
+        axes.filter(|(axis, value)| axis.carries_size && value.is_finite())
+            .count()
+    };
+    let near = |finalist: &Finalist| finalist.because.is_none() && best_gain - finalist.gain() < slack(best_gain);
+    (0..pairs.len())
+        .filter(|position| near(&pairs[*position].0))
+        .min_by_key(|position| (sizes(&pairs[*position].0), *position))
 }
 
 /// The best of the order, at most two wheels of the same effect.
@@ -269,10 +305,55 @@ fn fits(workers: &dyn Workers, data: &Round, order: &[usize], scores: &[Score]) 
             None => best.push(Fitted {
                 fit,
                 position: *position,
+                joint: Vec::new(),
             }),
         }
     }
+    together(workers, data, &mut best)?;
     Ok(best)
+}
+
+/// Fits the best candidates together with what the model has: a member that stood in for the candidate makes room.
+fn together(workers: &dyn Workers, data: &Round, fitted: &mut [Fitted]) -> Result<(), Cancelled> {
+    if data.members.is_empty() {
+        return Ok(());
+    }
+    let simulated = all_residuals(workers, data.train.records, &data.floor.model)?;
+    let Some(residuals) = simulated.into_iter().collect::<Option<Vec<Vec<f64>>>>() else {
+        return Ok(());
+    };
+    let problem = Problem {
+        records: data.train.records,
+        metric: data.train.metric,
+        base: &data.floor.model,
+        residuals: &residuals,
+    };
+    let energy = |residuals: &[Vec<f64>]| data.train.metric.gram(&[slices(residuals)]).at(0, 0);
+    let now = energy(data.train.residuals);
+    let mut order: Vec<usize> = (0..fitted.len()).collect();
+    order.sort_by(|a, b| {
+        let (a, b) = (&fitted[*a], &fitted[*b]);
+        b.fit.gain.total_cmp(&a.fit.gain).then(a.position.cmp(&b.position))
+    });
+    order.truncate(FITTED_TOGETHER);
+    let results = gathered(workers, order.len(), &|item| {
+        let mut members = data.members.to_vec();
+        members.push(fitted[order[item]].fit.members[0].clone());
+        fit(&problem, members)
+    })?;
+    for (item, result) in order.into_iter().zip(results) {
+        let Some(mut joint) = result else { continue };
+        let gain = now - energy(&joint.residuals);
+        let alone = &mut fitted[item];
+        if gain > alone.fit.gain {
+            alone.joint.clone_from(&joint.members);
+            joint.members = joint.members.split_off(data.members.len());
+            joint.gain = gain;
+            joint.simulations += alone.fit.simulations;
+            alone.fit = joint;
+        }
+    }
+    Ok(())
 }
 
 fn difference(base: &[Vec<f64>], changed: &[Vec<f64>]) -> Vec<Vec<f64>> {
@@ -294,7 +375,12 @@ fn cosine(metric: &Metric, a: &[Vec<f64>], b: &[Vec<f64>]) -> f64 {
 /// Evidence on validation runs and references, and the first gate that it does not pass.
 fn judge(data: &Round, fitted: &Fitted, threshold: f64) -> Finalist {
     let member = fitted.fit.members[0].clone();
-    let model = with_members(data.model, core::slice::from_ref(&member));
+    let alone = with_members(data.model, core::slice::from_ref(&member));
+    let model = if fitted.joint.is_empty() {
+        alone.clone()
+    } else {
+        with_members(&data.floor.model, &fitted.joint)
+    };
     let mut finalist = Finalist {
         position: fitted.position,
         size: member.candidate.size(&member.values),
@@ -306,8 +392,14 @@ fn judge(data: &Round, fitted: &Fitted, threshold: f64) -> Finalist {
         because: None,
         cosine: 0.0,
         member,
+        joint: fitted.joint.clone(),
     };
-    let stages = finalist.member.candidate.stages;
+    let own_stages = finalist.member.candidate.stages;
+    let stages = if fitted.joint.is_empty() {
+        own_stages
+    } else {
+        Stages::BOTH
+    };
     let pairs = data.validation.records.iter().zip(data.validation.residuals);
     let changed: Option<Vec<Vec<f64>>> = pairs
         .map(|(record, base)| residuals(record, &model, stages, Some(base)))
@@ -325,7 +417,7 @@ fn judge(data: &Round, fitted: &Fitted, threshold: f64) -> Finalist {
         finalist.harmful = harmful(data, &changed);
     }
     if let Some(metric) = data.reference_metric {
-        finalist.in_references = amplitude_in_references(data, metric, &model, stages).unwrap_or(0.0);
+        finalist.in_references = amplitude_in_references(data, metric, &alone, own_stages).unwrap_or(0.0);
     }
     finalist.because = gate(data, &finalist, threshold);
     finalist

@@ -101,6 +101,25 @@ impl CommandStage {
         }
     }
 
+    /// What leaves the stage `to_go` physics steps before the first one: the memory fills as it would have.
+    pub(crate) fn remember(
+        &self,
+        command: WheelCommand,
+        nominal: &Model,
+        memory: &mut [f64],
+        to_go: u64,
+    ) -> WheelCommand {
+        // A step that stands in the ring where the first one will find it.
+        let step = match &self.law {
+            Law::Delay { length, .. } => {
+                let length = *length as u64;
+                (length - to_go % length) % length
+            }
+            _ => 0,
+        };
+        self.apply(command, nominal, memory, step)
+    }
+
     /// What leaves the stage at physics step `step`. `nominal` has the geometry the robot works with.
     pub(crate) fn apply(&self, command: WheelCommand, nominal: &Model, memory: &mut [f64], step: u64) -> WheelCommand {
         let memory = &mut memory[self.at..self.at + self.words()];

@@ -299,6 +299,19 @@ impl Runtime {
         }
     }
 
+    /// True when a stage remembers set-points.
+    pub(crate) fn remembers_commands(&self) -> bool {
+        self.dynamics.commands.iter().any(|stage| stage.words() > 0)
+    }
+
+    /// Lets the stages see a set-point that was in force `to_go` physics steps before the first one.
+    pub(crate) fn remember(&mut self, command: &WheelCommand, to_go: u64) {
+        let mut command = *command;
+        for stage in &self.dynamics.commands {
+            command = stage.remember(command, &self.nominal, &mut self.memory, to_go);
+        }
+    }
+
     /// The set-point behind all stages, for this physics step.
     #[inline(never)]
     pub(crate) fn commanded(&mut self, command: &WheelCommand) -> WheelCommand {
