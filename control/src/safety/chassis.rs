@@ -45,6 +45,8 @@ pub struct Chassis {
     pub motion: Motion,
     /// Sideways velocity of the body origin for each unit of yaw rate: how far it is ahead of the axle that cannot slide.
     pub offset_m: f64,
+    /// Largest distance between the body origin and the centre of a turn on the spot: 0 but for robots that skid.
+    pub walk_m: f64,
     /// Rim speed of each wheel for each number, divided by the wheel's radius; zero rows for wheels that are not driven.
     wheels: [Numbers; twin::MAX_WHEELS],
     wheel_limit_rad_per_s: f64,
@@ -52,6 +54,18 @@ pub struct Chassis {
     yaw_rate_rad_per_s: f64,
     /// Directions of the speed polygon's sides, one corner along x.
     sides: [Vector; SPEED_SIDES],
+}
+
+/// The centre of a turn of a robot that skids lies anywhere within this share of half the wheelbase.
+const SKID_SHARE: f64 = 0.2;
+
+/// Half of the distance between the first and the last axle of fixed wheels; 0 when one axle or rollers carry the turn.
+fn half_wheelbase_m(robot: &Robot) -> f64 {
+    let fixed = robot.description().wheels.iter().filter(|wheel| wheel.driven);
+    let (first, last) = fixed.fold((f64::INFINITY, f64::NEG_INFINITY), |(first, last), wheel| {
+        (wheel.x_m.min(first), wheel.x_m.max(last))
+    });
+    0.5 * (last - first).max(0.0)
 }
 
 impl Chassis {
@@ -73,6 +87,10 @@ impl Chassis {
         let mut chassis = Chassis {
             motion,
             offset_m,
+            walk_m: match (motion, robot.drive_axis_rad()) {
+                (Motion::Axis { .. }, None) => SKID_SHARE * half_wheelbase_m(&robot),
+                _ => 0.0,
+            },
             wheels: [[0.0; 3]; twin::MAX_WHEELS],
             wheel_limit_rad_per_s: robot.max_wheel_speed_rad_per_s() * limits.wheel_share,
             speed_m_per_s: limits.speed_m_per_s,

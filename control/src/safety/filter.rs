@@ -31,6 +31,8 @@ const RECORDED_RAD_PER_S: f64 = 1e-3;
 const MAX_ROUNDS: u32 = 4;
 /// Rows may be missed by this after the last transform; more stops the robots.
 const MISSED_M_PER_S: f64 = 1e-6;
+/// What a robot that skids may use up of a margin while it turns on the spot.
+const WALK_RESERVE_M: f64 = 0.015;
 /// A swing below this is rounding or no harm.
 const SWUNG_M_PER_S: f64 = 2e-3;
 
@@ -462,6 +464,7 @@ impl SafetyFilter {
             let left_over = (row.value(&self.numbers) - row.bound).max(0.0) * row.scale;
             let gap_allows = 0.5 * (-row.bound * row.scale).max(0.0);
             let (robots, normal) = (row.robots, row.normal);
+            let walk_m_per_s = share * self.limits.approach_gain_per_s * (row.free_m + WALK_RESERVE_M).max(0.0);
             for (robot, sign) in robots.into_iter().zip([1.0, -1.0]) {
                 let i = robot as usize;
                 if robot != NOBODY
@@ -469,6 +472,7 @@ impl SafetyFilter {
                     && !matches!(self.chassis[i].motion, Motion::Steered { .. })
                 {
                     self.steady_turn(i, scale(normal, sign), share * left_over, share * gap_allows);
+                    self.steady_walk(i, share * left_over + walk_m_per_s);
                 }
             }
         }
@@ -498,6 +502,18 @@ impl SafetyFilter {
             }
         }
         if factor < 1.0 {
+            self.swung[i] |= yaw_rate.abs() * (1.0 - factor) > RECORDED_RAD_PER_S;
+            self.numbers[i] = self.chassis[i].turning(self.numbers[i], factor);
+        }
+    }
+
+    /// Limits the yaw rate of a robot that skids: turning on the spot it walks in any direction.
+    fn steady_walk(&mut self, i: usize, allowed_m_per_s: f64) {
+        let chassis = &self.chassis[i];
+        let yaw_rate = chassis.twist(self.numbers[i], self.curvature[i]).yaw_rate_rad_per_s;
+        let walk_m_per_s = chassis.walk_m * yaw_rate.abs();
+        if walk_m_per_s > allowed_m_per_s {
+            let factor = allowed_m_per_s / walk_m_per_s;
             self.swung[i] |= yaw_rate.abs() * (1.0 - factor) > RECORDED_RAD_PER_S;
             self.numbers[i] = self.chassis[i].turning(self.numbers[i], factor);
         }

@@ -201,6 +201,7 @@ fn pair([i, j]: [usize; 2], line: Vector, distance_m: f64, robots: &Robots, limi
                         part(j, scale(normal, -1.0), way / ways_a),
                     ],
                     normal,
+                    free_m,
                     ..Row::own(i as u32, Source::Robot, [0.0; 3], bound)
                 };
                 rows.extend(row.normalised());
@@ -279,6 +280,7 @@ fn against(
                 let row = Row {
                     key: key(kind, i, item as usize, [way, side, later]),
                     normal,
+                    free_m,
                     ..Row::own(i as u32, source, gradient, bound)
                 };
                 rows.extend(row.normalised());

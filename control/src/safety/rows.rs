@@ -46,6 +46,8 @@ pub struct Row {
     pub source: Source,
     /// From the other thing to the first robot; zero for own limits.
     pub normal: [f64; 2],
+    /// What is free beyond the margin as it is seen now, m; negative inside it, infinite for own limits.
+    pub free_m: f64,
     /// Length of the gradient before it was divided by it.
     pub scale: f64,
     pub multiplier: f64,
@@ -62,6 +64,7 @@ impl Row {
             bound,
             source,
             normal: [0.0; 2],
+            free_m: f64::INFINITY,
             scale: 1.0,
             multiplier: 0.0,
             active: false,
