@@ -108,9 +108,10 @@ async fn live(desk: Arc<Desk>, description: LabDescription) -> Result<()> {
     desk.shutdown.request();
     match tokio::time::timeout(EXIT_LIMIT, claiming).await {
         Ok(ended) => ended.context("the claim loop failed"),
-        Err(_) => Ok(tracing::warn!(
-            "ending with work left; it is salvaged at the next start"
-        )),
+        Err(_) => {
+            tracing::warn!("ending with work left; it is salvaged at the next start");
+            Ok(())
+        }
     }
 }
 
