@@ -129,15 +129,17 @@ pub async fn report_running(
     }
 }
 
-/// Experiment, robots and arena as the twin and the control laws take them.
-pub fn scenario(assignment: &Assignment) -> Result<Scenario, Conclusion> {
+/// Experiment, robots, arena and models as the twin and the control laws take them.
+///
+/// - Errors: every rule of the twin that the experiment breaks.
+pub fn scenario(assignment: &Assignment) -> Result<Scenario, Vec<FieldProblem>> {
     let document = serde_json::json!({
         "experiment": assignment.experiment,
         "robots": assignment.robots,
         "arena": assignment.arena,
         "models": assignment.models,
     });
-    Scenario::from_json(&document.to_string()).map_err(refused)
+    Scenario::from_json(&document.to_string())
 }
 
 /// The end of a run whose experiment breaks a rule after all.

@@ -41,11 +41,15 @@ pub struct Follower {
 impl Follower {
     /// A robot at rest at `start_us`; it is nowhere until it is seen.
     pub fn new(robot: &Robot, start_us: i64) -> Self {
-        let wheels = robot.description().wheels.iter().enumerate();
         Self {
             twin: FreeRobot::at_rest(robot, Pose::default()),
-            driven: wheels
-                .filter_map(|(place, wheel)| wheel.driven.then_some(place))
+            driven: robot
+                .description()
+                .wheels
+                .iter()
+                .enumerate()
+                .filter(|(_, wheel)| wheel.driven)
+                .map(|(position, _)| position)
                 .collect(),
             command: WheelCommand::default(),
             start_us,

@@ -78,7 +78,7 @@ async fn try_attempt(
     lease: &Arc<Lease>,
     recorder: &RecorderHandle,
 ) -> Result<Conclusion, Conclusion> {
-    let scenario = scenario(assignment)?;
+    let scenario = scenario(assignment).map_err(refused)?;
     let team = Team::new(&scenario).map_err(refused)?;
     let ports = take_ports(lab, assignment)?;
     let grouped = ports.len() > 1 && ports.iter().all(|port| port.reads_groups());
@@ -133,7 +133,7 @@ async fn try_attempt(
 
 /// Motion limits of each robot.
 pub(crate) fn limits(assignment: &Assignment) -> Result<Vec<RobotLimits>, Conclusion> {
-    let robots = control::team::robots(&scenario(assignment)?).map_err(refused)?;
+    let robots = control::team::robots(&scenario(assignment).map_err(refused)?).map_err(refused)?;
     Ok(robots.iter().map(RobotLimits::of).collect())
 }
 

@@ -4,13 +4,13 @@
 //! of its own and sees of the physical side only where the robots stood when motion began and how many ticks have passed. In the
 //! mode `interactive` it gets the commands that were sent and the poses that were believed, and tells where the robots are now.
 
+use crate::carry_out::scenario;
 use crate::follower::Follower;
 use crate::record::{Record, Shadow, ShadowPose, Start};
 use api::experiment::Mode;
 use api::lab::Assignment;
 use control::rehearsal::Rehearsal;
 use control::scenario::{FieldProblem, Scenario};
-use serde_json::json;
 use std::collections::BTreeMap;
 use twin::pose::Pose;
 
@@ -25,6 +25,16 @@ pub struct ShadowRun {
     seen: BTreeMap<u8, [f64; 3]>,
     side: Option<VirtualSide>,
     next_picture: i64,
+    /// Of all robots in all pictures that tell one.
+    gaps_m: Vec<f64>,
+}
+
+/// How far followed robots were from where the twin expected them 0.5 s before, over a run.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GapFigures {
+    pub median_m: f64,
+    pub largest_m: f64,
+    pub samples: usize,
 }
 
 #[derive(Debug)]
@@ -36,6 +46,17 @@ enum VirtualSide {
 }
 
 impl ShadowRun {
+    /// Figures of the run so far; none when nobody was followed for half a second.
+    pub fn gaps(&self) -> Option<GapFigures> {
+        let mut gaps_m = self.gaps_m.clone();
+        gaps_m.sort_unstable_by(f64::total_cmp);
+        Some(GapFigures {
+            median_m: *gaps_m.get(gaps_m.len() / 2)?,
+            largest_m: *gaps_m.last()?,
+            samples: gaps_m.len(),
+        })
+    }
+
     /// Takes a record of the run; a picture comes out when one is due.
     ///
     /// - Errors: an experiment that the twin cannot run.
@@ -100,7 +121,7 @@ impl ShadowRun {
     }
 
     fn following(assignment: &Assignment, start_us: i64) -> Result<VirtualSide, String> {
-        let scenario = scenario(assignment, assignment.experiment.clone());
+        let scenario = scenario(assignment);
         let robots = scenario.and_then(|scenario| control::rehearsal::modelled(&scenario));
         let robots = robots.map_err(|problems| first(&problems))?;
         let numbers = assignment.robots.iter().map(|robot| robot.number);
@@ -109,13 +130,13 @@ impl ShadowRun {
     }
 
     fn scenario(&self, assignment: &Assignment, measured: bool) -> Result<Scenario, Vec<FieldProblem>> {
-        let mut experiment = assignment.experiment.clone();
-        for (wanted, robot) in experiment.robots.iter_mut().zip(&assignment.robots) {
+        let mut assignment = assignment.clone();
+        for (wanted, robot) in assignment.experiment.robots.iter_mut().zip(&assignment.robots) {
             if let Some([x_m, y_m, yaw_rad]) = self.seen.get(&robot.number).filter(|_| measured) {
                 (wanted.start.x_m, wanted.start.y_m, wanted.start.yaw_rad) = (*x_m, *y_m, *yaw_rad);
             }
         }
-        scenario(assignment, experiment)
+        scenario(&assignment)
     }
 
     /// Where the virtual robots are at a tick. A twin that began late catches up: it is far faster than the robots.
@@ -129,7 +150,7 @@ impl ShadowRun {
         }
         self.next_picture = tick + TICKS_PER_PICTURE;
         let numbers = self.assignment.as_ref()?.robots.iter().map(|robot| robot.number);
-        let robots = match side {
+        let robots: Vec<ShadowPose> = match side {
             VirtualSide::Beside(twin) => {
                 let poses = (0..numbers.len()).map(|place| twin.state(place).pose);
                 numbers
@@ -145,6 +166,7 @@ impl ShadowRun {
                 seen.collect()
             }
         };
+        self.gaps_m.extend(robots.iter().filter_map(|robot| robot.gap_m));
         Some(Shadow { tick, at_us, robots })
     }
 }
@@ -157,16 +179,6 @@ const fn shadow_pose(robot: u8, pose: Pose, gap_m: Option<f64>) -> ShadowPose {
         yaw_rad: pose.yaw_rad,
         gap_m,
     }
-}
-
-fn scenario(assignment: &Assignment, experiment: api::experiment::Experiment) -> Result<Scenario, Vec<FieldProblem>> {
-    let document = json!({
-        "experiment": experiment,
-        "robots": assignment.robots,
-        "arena": assignment.arena,
-        "models": assignment.models,
-    });
-    Scenario::from_json(&document.to_string())
 }
 
 fn first(problems: &[FieldProblem]) -> String {

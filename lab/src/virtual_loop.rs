@@ -41,7 +41,7 @@ async fn attempt(
     lease: &Arc<Lease>,
     recorder: &RecorderHandle,
 ) -> Result<Conclusion, Conclusion> {
-    let scenario = carry_out::scenario(assignment)?;
+    let scenario = carry_out::scenario(assignment).map_err(carry_out::refused)?;
     let ending = || carry_out::outside_ending(desk, lease).map(|ending| Conclusion::of(ending, &[]));
     carry_out::report_running(desk, assignment, ending).await?;
     let start_us = monotonic_us() + LEAD_US;

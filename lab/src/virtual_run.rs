@@ -3,6 +3,7 @@
 //! The same laws, the same filter and the same ticks as in the rehearsal that admitted the experiment, so the trace digest at
 //! the end is the one of its verdict. What the model's sensors tell is written down without noise.
 
+use crate::archive::parquet::driven_wheels;
 use crate::pilot::{Sink, explain, parts};
 use crate::record::{CameraName, Command, Intervention, LINK_WHEELS, Pose, Record, Telemetry};
 use crate::safety::Ending;
@@ -41,13 +42,7 @@ impl VirtualRun {
     pub fn new(scenario: &Scenario, assignment: &Assignment, start_us: i64) -> Result<Self, Vec<FieldProblem>> {
         let robot = |robot: &api::robot::LabRobot| VirtualRobot {
             number: robot.number,
-            driven: robot
-                .description
-                .wheels
-                .iter()
-                .enumerate()
-                .filter_map(|(place, wheel)| wheel.driven.then_some(place))
-                .collect(),
+            driven: driven_wheels(&robot.description),
         };
         Ok(Self {
             twin: Rehearsal::new(scenario)?,

@@ -36,12 +36,7 @@ fn assignment(example: &str, mode: Mode) -> Assignment {
 }
 
 fn scenario(assignment: &Assignment) -> Scenario {
-    let document = serde_json::json!({
-        "experiment": assignment.experiment,
-        "robots": assignment.robots,
-        "arena": assignment.arena,
-    });
-    Scenario::from_json(&document.to_string()).expect("a scenario")
+    lab::carry_out::scenario(assignment).expect("a scenario")
 }
 
 /// All records of a virtual run from its start to its end, and its digest.

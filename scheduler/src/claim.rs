@@ -1,14 +1,14 @@
 //! A worker: claims a job, keeps its lease alive, writes how it ended. Nothing is awaited inside a transaction.
 
+use crate::decide;
 use crate::jobs::{Ending, rehearse};
+use crate::queue::{limited, wait_for_work};
 use crate::stop::Stop;
-use crate::{STORE_CALL_LIMIT, decide};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
-use store::{Change, JobLease, JobWrite, Store, StoreError};
-use tokio::sync::broadcast::{self, error::RecvError};
+use store::{JobLease, JobWrite, Store};
 use tokio::time::{MissedTickBehavior, interval, timeout};
 use uuid::Uuid;
 
@@ -38,7 +38,7 @@ pub async fn work(store: Store, objects: PathBuf, mut stop: Stop) {
             }
             Ok(None) => {
                 failures = 0;
-                wait_for_work(&mut hints, &mut stop).await;
+                wait_for_work(&mut hints, POLL_PERIOD, &mut stop).await;
             }
             Err(error) => {
                 tracing::warn!(error = format!("{error:#}"), "cannot look for jobs");
@@ -46,27 +46,6 @@ pub async fn work(store: Store, objects: PathBuf, mut stop: Stop) {
                 failures = failures.saturating_add(1);
             }
         }
-    }
-}
-
-async fn limited<T>(call: impl Future<Output = Result<T, StoreError>>) -> anyhow::Result<T> {
-    Ok(timeout(STORE_CALL_LIMIT, call).await??)
-}
-
-async fn wait_for_work(hints: &mut broadcast::Receiver<Change>, stop: &mut Stop) {
-    let hinted = async {
-        loop {
-            match hints.recv().await {
-                Ok(Change::Run(_)) => {}
-                Ok(Change::Jobs | Change::Reconnected) | Err(RecvError::Lagged(_)) => return,
-                Err(RecvError::Closed) => std::future::pending::<()>().await,
-            }
-        }
-    };
-    tokio::select! {
-        () = stop.requested() => {}
-        () = hinted => {}
-        () = tokio::time::sleep(POLL_PERIOD) => {}
     }
 }
 

@@ -8,6 +8,8 @@ pub mod decide;
 pub mod diagnose;
 pub mod jobs;
 pub mod objects;
+pub mod program;
+mod queue;
 pub mod reap;
 pub mod stop;
 

@@ -6,7 +6,7 @@
 //! steered          x = [u, 0, 0]        twist (u, k u), body origin moves with (u, k u offset); k is the desired curvature
 //! ```
 
-use twin::robot::Robot;
+use twin::robot::{Robot, Wheel};
 use twin::twist::BodyTwist;
 
 use super::Limits;
@@ -61,8 +61,7 @@ const SKID_SHARE: f64 = 0.2;
 
 /// Half of the distance between the first and the last axle of fixed wheels; 0 when one axle or rollers carry the turn.
 fn half_wheelbase_m(robot: &Robot) -> f64 {
-    let fixed = robot.description().wheels.iter().filter(|wheel| wheel.driven);
-    let (first, last) = fixed.fold((f64::INFINITY, f64::NEG_INFINITY), |(first, last), wheel| {
+    let (first, last) = fixed_wheels(robot).fold((f64::INFINITY, f64::NEG_INFINITY), |(first, last), wheel| {
         (wheel.x_m.min(first), wheel.x_m.max(last))
     });
     0.5 * (last - first).max(0.0)
@@ -304,13 +303,14 @@ impl Chassis {
     }
 }
 
+/// Wheels that neither steer nor roll sideways.
+fn fixed_wheels(robot: &Robot) -> impl Iterator<Item = &Wheel> {
+    let wheels = robot.description().wheels.iter();
+    wheels.filter(|wheel| !wheel.steered && wheel.kind == "standard")
+}
+
 /// Where the wheels stand that neither steer nor slide sideways; the body turns about a point on that line.
 fn fixed_axle_x_m(robot: &Robot) -> f64 {
-    let holding = robot
-        .description()
-        .wheels
-        .iter()
-        .filter(|w| !w.steered && w.kind == "standard");
-    let (sum, count) = holding.fold((0.0, 0.0_f64), |(sum, count), w| (sum + w.x_m, count + 1.0));
+    let (sum, count) = fixed_wheels(robot).fold((0.0, 0.0_f64), |(sum, count), w| (sum + w.x_m, count + 1.0));
     sum / count.max(1.0)
 }

@@ -32,6 +32,8 @@ const REPLICATES: usize = 200;
 /// A winner that is the best in a smaller share of half-splits has rivals: those that are the best in this share of them.
 const STABLE: f64 = 0.8;
 const RIVAL: f64 = 0.2;
+/// A winner without rivals that pass needs this share of them.
+const MAJORITY: f64 = 0.5;
 /// Cosine from which two effects are one to these runs.
 const SAME: f64 = 0.95;
 /// Difference of gains, as a share, that the laws' own inaccuracy makes.
@@ -204,6 +206,16 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Sensitivities) -> R
             if position != best && other && plausible && (deficit < slack || alike || rival) {
                 stop.alternatives.push(position);
             }
+        }
+    }
+    if let Some(best) = stop.accepted.filter(|_| stop.alternatives.is_empty()) {
+        let winner = &mut pairs[best].0;
+        if winner.stability < MAJORITY {
+            let share = 100.0 * winner.stability;
+            winner.because = Some(format!(
+                "explains most in {share:.0} % of the half-splits only, and what explains more in the others does not pass"
+            ));
+            stop.accepted = None;
         }
     }
     stop.finalists = pairs.into_iter().map(|pair| pair.0).collect();

@@ -194,6 +194,13 @@ fn follow(mut stream: TcpStream) -> Result<()> {
             tracing::warn!(line, "not a record");
             continue;
         };
+        if let (Record::End(_), Some(gaps)) = (&record, shadow.gaps()) {
+            let [median_mm, largest_mm] = [gaps.median_m, gaps.largest_m].map(|gap_m| 1e3 * gap_m);
+            tracing::info!(
+                samples = gaps.samples,
+                "followed: gap 0.5 s ahead {median_mm:.1} mm median, {largest_mm:.1} mm largest"
+            );
+        }
         match shadow.take(&record) {
             Ok(Some(picture)) => {
                 let mut line = serde_json::to_vec(&Record::Shadow(picture))?;

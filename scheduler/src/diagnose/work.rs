@@ -1,15 +1,15 @@
 //! Claims diagnoses one after the other, keeps their leases alive, writes how they ended.
 
 use super::{BEAT, Ending, LEASE, TIMEOUT, Threads, bundle_of};
+use crate::decide;
 use crate::objects::{self, NewObject};
+use crate::queue::{limited, wait_for_work};
 use crate::stop::Stop;
-use crate::{STORE_CALL_LIMIT, decide};
 use identify::diagnose::{DiagnoseError, Input, Run, diagnose};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use store::{Change, DIAGNOSIS_ATTEMPTS, DiagnosisBeat, DiagnosisLease, DiagnosisRecord, JobWrite, Store, StoreError};
-use tokio::sync::broadcast::{self, error::RecvError};
+use store::{DIAGNOSIS_ATTEMPTS, DiagnosisBeat, DiagnosisLease, DiagnosisRecord, JobWrite, Store, StoreError};
 use tokio::time::{MissedTickBehavior, interval, timeout};
 use twin::model_document::ModelDocument;
 use uuid::Uuid;
@@ -37,7 +37,7 @@ pub async fn work(store: Store, objects: PathBuf, threads: usize, mut stop: Stop
             }
             Ok(None) => {
                 failures = 0;
-                wait_for_work(&mut hints, &mut stop).await;
+                wait_for_work(&mut hints, POLL_PERIOD, &mut stop).await;
             }
             Err(error) => {
                 tracing::warn!(error = format!("{error:#}"), "cannot look for diagnoses");
@@ -45,27 +45,6 @@ pub async fn work(store: Store, objects: PathBuf, threads: usize, mut stop: Stop
                 failures = failures.saturating_add(1);
             }
         }
-    }
-}
-
-async fn limited<T>(call: impl Future<Output = Result<T, StoreError>>) -> anyhow::Result<T> {
-    Ok(timeout(STORE_CALL_LIMIT, call).await??)
-}
-
-async fn wait_for_work(hints: &mut broadcast::Receiver<Change>, stop: &mut Stop) {
-    let hinted = async {
-        loop {
-            match hints.recv().await {
-                Ok(Change::Run(_)) => {}
-                Ok(Change::Jobs | Change::Reconnected) | Err(RecvError::Lagged(_)) => return,
-                Err(RecvError::Closed) => std::future::pending::<()>().await,
-            }
-        }
-    };
-    tokio::select! {
-        () = stop.requested() => {}
-        () = hinted => {}
-        () = tokio::time::sleep(POLL_PERIOD) => {}
     }
 }
 
