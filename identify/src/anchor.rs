@@ -179,9 +179,10 @@ fn recent(telemetry: &Telemetry, channel: Channel, row: usize) -> Option<f64> {
 
 /// Start of a prediction at a telemetry row: fitted pose and twist; wheel speeds, currents and steering as last measured.
 ///
+/// - `board_row`: the row up to which on-board channels are read; `row` unless the robot's clock is known to be off.
 /// - Without wheel speeds the slip-free speeds of the twist are taken; without currents none.
 /// - `None` when the poses around the row do not carry a fit.
-pub fn start_at(bundle: &Bundle, track: &Track, row: usize) -> Option<Start> {
+pub fn start_at(bundle: &Bundle, track: &Track, row: usize, board_row: usize) -> Option<Start> {
     let (pose, [vx, vy, yaw_rate]) = track.fitted(bundle.telemetry.time_s[row])?;
     let (sin, cos) = libm::sincos(pose.yaw_rad);
     let twist = BodyTwist {
@@ -190,7 +191,7 @@ pub fn start_at(bundle: &Bundle, track: &Track, row: usize) -> Option<Start> {
         yaw_rate_rad_per_s: yaw_rate,
     };
     let telemetry = &bundle.telemetry;
-    let steering_rad = recent(telemetry, Channel::Steering, row)
+    let steering_rad = recent(telemetry, Channel::Steering, board_row)
         .or_else(|| telemetry.series(Channel::CommandSteering)?.held(row))
         .unwrap_or(0.0);
     let mut start = Start {
@@ -201,7 +202,7 @@ pub fn start_at(bundle: &Bundle, track: &Track, row: usize) -> Option<Start> {
     };
     let rolling = bundle.robot.wheel_speeds_holding(twist, steering_rad);
     for (wheel, described) in bundle.run.robot.wheels.iter().enumerate() {
-        let measured = recent(telemetry, Channel::WheelSpeed(wheel), row);
+        let measured = recent(telemetry, Channel::WheelSpeed(wheel), board_row);
         // Passive wheels without an encoder roll with the contact point.
         let passive = || {
             let (s, c) = libm::sincos(described.rolling_direction_rad);
@@ -215,7 +216,7 @@ pub fn start_at(bundle: &Bundle, track: &Track, row: usize) -> Option<Start> {
             passive()
         };
         start.wheel_rad_per_s[wheel] = measured.unwrap_or(slip_free);
-        start.current_a[wheel] = recent(telemetry, Channel::Current(wheel), row).unwrap_or(0.0);
+        start.current_a[wheel] = recent(telemetry, Channel::Current(wheel), board_row).unwrap_or(0.0);
     }
     Some(start)
 }

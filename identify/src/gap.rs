@@ -81,11 +81,20 @@ pub enum GapError {
 
 /// End-to-end gap of a run under its own robot description.
 pub fn end_to_end(bundle: &Bundle) -> Result<EndToEndGap, GapError> {
-    end_to_end_with(bundle, &bundle.robot)
+    end_to_end_with(bundle, &bundle.robot, RobotClock::default())
 }
 
-/// End-to-end gap of a run when `robot` predicts it.
-pub fn end_to_end_with(bundle: &Bundle, robot: &Robot) -> Result<EndToEndGap, GapError> {
+/// What the robot's clock shows less what the tracker's clock shows: the effect `clock_offset`.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct RobotClock {
+    /// At the run's first row, s.
+    pub offset_s: f64,
+    /// Per second.
+    pub drift: f64,
+}
+
+/// End-to-end gap of a run when `robot` predicts it; predictions start from what the robot measured at the moment, by its clock.
+pub fn end_to_end_with(bundle: &Bundle, robot: &Robot, clock: RobotClock) -> Result<EndToEndGap, GapError> {
     let track = Track::of(bundle);
     let (Some(first_s), Some(last_s)) = (track.time_s.first(), track.time_s.last()) else {
         return Err(GapError::NoPoses);
@@ -107,7 +116,11 @@ pub fn end_to_end_with(bundle: &Bundle, robot: &Robot) -> Result<EndToEndGap, Ga
     while begin_s + RUN_IN_S + HORIZONS_S[0] <= *last_s {
         let row = bundle.telemetry.time_s.partition_point(|t| *t < begin_s);
         let start = if row < rows.len() {
-            start_at(bundle, &track, row)
+            let (times, at_s) = (&bundle.telemetry.time_s, bundle.telemetry.time_s[row]);
+            let board_s = at_s + clock.offset_s + clock.drift * (at_s - times[0]);
+            let board_row = times.partition_point(|t| *t <= board_s).saturating_sub(1);
+            let board_row = if clock == RobotClock::default() { row } else { board_row };
+            start_at(bundle, &track, row, board_row)
         } else {
             None
         };

@@ -139,6 +139,67 @@ impl Factor {
     }
 }
 
+/// Sweeps of Jacobi's method; small matrices need six or seven.
+const SWEEPS: usize = 30;
+
+/// Principal directions of a symmetric matrix, one a row, in the order of the variances, smallest first (Jacobi 1846, cyclic).
+/// The largest component of every direction is positive.
+pub fn principal(symmetric: &Square) -> Square {
+    let n = symmetric.size;
+    let mut a = symmetric.clone();
+    let mut v = Square::zero(n);
+    (0..n).for_each(|k| v.set(k, k, 1.0));
+    for _ in 0..SWEEPS {
+        let off: f64 = (0..n)
+            .flat_map(|i| (0..i).map(move |j| (i, j)))
+            .map(|(i, j)| a.at(i, j) * a.at(i, j))
+            .sum();
+        let all: f64 = (0..n).map(|k| a.at(k, k) * a.at(k, k)).sum();
+        if off <= 1e-30 * all {
+            break;
+        }
+        for p in 0..n {
+            for q in p + 1..n {
+                if a.at(p, q) == 0.0 {
+                    continue;
+                }
+                let theta = (a.at(q, q) - a.at(p, p)) / (2.0 * a.at(p, q));
+                let t = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
+                let c = 1.0 / (t * t + 1.0).sqrt();
+                let s = t * c;
+                for k in 0..n {
+                    let (x, y) = (a.at(k, p), a.at(k, q));
+                    a.set(k, p, c * x - s * y);
+                    a.set(k, q, s * x + c * y);
+                }
+                for k in 0..n {
+                    let (x, y) = (a.at(p, k), a.at(q, k));
+                    a.set(p, k, c * x - s * y);
+                    a.set(q, k, s * x + c * y);
+                    let (x, y) = (v.at(p, k), v.at(q, k));
+                    v.set(p, k, c * x - s * y);
+                    v.set(q, k, s * x + c * y);
+                }
+            }
+        }
+    }
+    let mut order: Vec<usize> = (0..n).collect();
+    order.sort_by(|i, j| a.at(*i, *i).total_cmp(&a.at(*j, *j)).then(i.cmp(j)));
+    let mut directions = Square::zero(n);
+    for (row, from) in order.into_iter().enumerate() {
+        let largest = (0..n).fold(0.0_f64, |best, k| {
+            if v.at(from, k).abs() > best.abs() {
+                v.at(from, k)
+            } else {
+                best
+            }
+        });
+        let sign = if largest < 0.0 { -1.0 } else { 1.0 };
+        (0..n).for_each(|k| directions.set(row, k, sign * v.at(from, k)));
+    }
+    directions
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -156,5 +217,34 @@ mod tests {
         }
         let inverse = a.cholesky().inverse();
         assert!((inverse.quadratic(&[1.0, 2.0, 3.0]) - (x[0] + 2.0 * x[1] + 3.0 * x[2])).abs() < 1e-12);
+    }
+
+    /// Directions are orthonormal, take the matrix to its diagonal, and stand in order.
+    #[test]
+    fn principal_directions() {
+        let a = Square {
+            size: 3,
+            values: vec![4.0, 1.0, 0.5, 1.0, 3.0, -0.2, 0.5, -0.2, 2.0],
+        };
+        let v = principal(&a);
+        let row = |i: usize| -> Vec<f64> { (0..3).map(|k| v.at(i, k)).collect() };
+        let product = |left: &[f64], right: &[f64]| -> f64 {
+            (0..3)
+                .map(|i| (0..3).map(|j| left[i] * a.at(i, j) * right[j]).sum::<f64>())
+                .sum()
+        };
+        let mut last = 0.0;
+        for i in 0..3 {
+            let variance = product(&row(i), &row(i));
+            assert!(variance > last);
+            last = variance;
+            for j in 0..i {
+                let dot: f64 = row(i).iter().zip(row(j)).map(|(x, y)| x * y).sum();
+                assert!(dot.abs() < 1e-14 && product(&row(i), &row(j)).abs() < 1e-13);
+            }
+        }
+        // Trace.
+        let sum: f64 = (0..3).map(|i| product(&row(i), &row(i))).sum();
+        assert!((sum - 9.0).abs() < 1e-13);
     }
 }

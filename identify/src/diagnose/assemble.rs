@@ -22,6 +22,9 @@ use crate::workers::Workers;
 const TESTABLE: f64 = 5.0;
 /// Half width of a 95 % interval in standard deviations, before the inflation of few references.
 const NORMAL_95: f64 = 1.96;
+/// Standard deviation of a size for the plant's other law, as a share of the change, at least; limits change by this share of themselves.
+const LAW_LEAST: f64 = 0.01;
+const LIMIT_SHARE: f64 = 0.2;
 /// Calibration is listed from this many standard deviations.
 const LISTED: f64 = 3.0;
 /// Excess that remains, as a share of the excess before, that still counts as explained.
@@ -182,7 +185,18 @@ fn parameters(case: &Case, position: usize, finalist: &Finalist) -> Vec<Paramete
             .iter()
             .find(|(free, _)| *free == (position, a))
             .map_or(0.0, |(_, scatter)| *scatter);
-        let sigma = (sigma * sigma + scatter * scatter).sqrt();
+        // An effect of another law leaves a rest, and its best size by our law is off by about as much.
+        let change = if axis.neutral.is_finite() {
+            (value - axis.neutral).abs()
+        } else {
+            LIMIT_SHARE * value.abs()
+        };
+        let law = if axis.carries_size {
+            change * (LAW_LEAST + 0.5 * case.law_rest.sqrt())
+        } else {
+            0.0
+        };
+        let sigma = (sigma * sigma + scatter * scatter + law * law).sqrt();
         let end = |value: f64| value.is_finite().then(|| rounded(value));
         let known = value.is_finite() && sigma.is_finite();
         ParameterValue {

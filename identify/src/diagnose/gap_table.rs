@@ -1,10 +1,10 @@
 //! Gap of locked runs before and after, by channel and horizon.
 
-use crate::floor::Floor;
-use crate::gap::{GapSample, HORIZONS_S, end_to_end_with};
+use crate::floor::{ClassNoise, Floor};
+use crate::gap::{GapSample, HORIZONS_S, RUN_IN_S, end_to_end_with};
 use crate::hypothesis::Hypothesis;
 use crate::random::Random;
-use crate::record::{CHANNELS, CLASSES, Record, Stages, UNITS, residuals};
+use crate::record::{CHANNELS, CLASSES, Quantity, Record, Stages, UNITS, residuals};
 use crate::report::schema::{Gap, rounded};
 use crate::select::Role;
 
@@ -12,11 +12,21 @@ use super::Case;
 
 /// Bootstrap replicates of an interval.
 const REPLICATES: usize = 300;
+/// Class of the pose; that of the yaw follows, those before are compared in windows.
+const POSE: usize = 6;
 /// Horizons of channels that are compared in windows.
 const WINDOW_HORIZONS_S: [f64; 3] = [0.5, 1.0, 2.0];
 
-/// Squared errors by (class, horizon): one entry an anchor or window, run after run.
-type Errors = Vec<((usize, usize), Vec<f64>)>;
+/// An error, and how large it is to be expected where nothing is changed.
+#[derive(Debug, Clone, Copy)]
+struct Sample {
+    square: f64,
+    /// Of a window: variance by the floor's noise. Of an anchor: square of the harshness, (rad/s)^2.
+    expected: f64,
+}
+
+/// Errors by (class, horizon): one entry an anchor or window, run after run.
+type Errors = Vec<((usize, usize), Vec<Sample>)>;
 
 /// The table and the mean explained fraction; both empty without locked runs.
 pub(super) fn gap_table(case: &Case, after: &Hypothesis) -> (Vec<Gap>, Option<f64>) {
@@ -32,23 +42,32 @@ pub(super) fn gap_table(case: &Case, after: &Hypothesis) -> (Vec<Gap>, Option<f6
         return (Vec::new(), None);
     }
     let floor = &case.floor;
-    let reference_bundles: Vec<_> = case.input.references.iter().map(|run| &run.bundle).collect();
-    let before_errors = errors(&bundles, &case.locked, &floor.model);
-    let after_errors = errors(&bundles, &case.locked, after);
-    let floor_errors = errors(&reference_bundles, &floor.references, &floor.model);
+    let reference_records: Vec<&Record> = floor.references.iter().collect();
+    let reference_bundles: Vec<_> = floor
+        .references
+        .iter()
+        .filter_map(|record| case.input.references.iter().find(|run| run.path == record.name))
+        .map(|run| &run.bundle)
+        .collect();
+    let locked_records: Vec<&Record> = case.locked.iter().collect();
+    let before_errors = errors(floor, &bundles, &locked_records, &floor.model);
+    let after_errors = errors(floor, &bundles, &locked_records, after);
+    let floor_errors = errors(floor, &reference_bundles, &reference_records, &floor.model);
     let mut gaps = Vec::new();
     let (mut weight_sum, mut weighted) = (0.0, 0.0);
-    for (key, squares) in &before_errors {
-        let Some((_, squares_after)) = after_errors.iter().find(|(other, _)| other == key) else {
+    for (key, samples) in &before_errors {
+        let Some((_, samples_after)) = after_errors.iter().find(|(other, _)| other == key) else {
             continue;
         };
         let (class, horizon) = *key;
-        let floor_rms = floor_errors
-            .iter()
-            .find(|(other, _)| other == key)
-            .map_or_else(|| stated(floor, class), |(_, squares)| rms(squares));
-        let (before, now) = (rms(squares), rms(squares_after));
-        let (low, high) = interval(squares_after, case.input.seed ^ (class as u64 * 16 + horizon as u64));
+        let references = floor_errors.iter().find(|(other, _)| other == key);
+        let floor_rms = match references {
+            Some((_, references)) => floor_of(references, samples, class),
+            None => stated(floor, class),
+        };
+        let squares_after: Vec<f64> = samples_after.iter().map(|sample| sample.square).collect();
+        let (before, now) = (rms(samples), rms(samples_after));
+        let (low, high) = interval(&squares_after, case.input.seed ^ (class as u64 * 16 + horizon as u64));
         let room = before * before - floor_rms * floor_rms;
         let explained = (room > 0.0).then(|| (before * before - now * now) / room);
         if let (Some(explained), true) = (explained, before > 1.5 * floor_rms) {
@@ -72,12 +91,32 @@ pub(super) fn gap_table(case: &Case, after: &Hypothesis) -> (Vec<Gap>, Option<f6
     (gaps, (weight_sum > 0.0).then(|| rounded(weighted / weight_sum)))
 }
 
+/// What the references' errors are where it is as lively as in the locked runs.
+fn floor_of(references: &[Sample], locked: &[Sample], class: usize) -> f64 {
+    let mean = |samples: &[Sample], value: &dyn Fn(&Sample) -> f64| {
+        samples.iter().map(value).sum::<f64>() / samples.len().max(1) as f64
+    };
+    let own = mean(references, &|sample| sample.square);
+    let expected = |samples: &[Sample]| mean(samples, &|sample| sample.expected);
+    if class < POSE {
+        return (own * expected(locked) / expected(references).max(1e-300)).sqrt();
+    }
+    let mut cells: Vec<(f64, f64)> = references.iter().map(|s| (s.expected.sqrt(), s.square)).collect();
+    let noise = ClassNoise::fitted(&mut cells, 1e-12, 0.0);
+    let model = |samples: &[Sample]| mean(samples, &|sample| noise.at(sample.expected.sqrt()));
+    (own * model(locked) / model(references).max(1e-300)).sqrt()
+}
+
 /// Floor of a channel without references.
 fn stated(floor: &Floor, class: usize) -> f64 {
     floor.noise.classes[class].level.sqrt()
 }
 
-fn rms(squares: &[f64]) -> f64 {
+fn rms(samples: &[Sample]) -> f64 {
+    (samples.iter().map(|sample| sample.square).sum::<f64>() / samples.len().max(1) as f64).sqrt()
+}
+
+fn rms_of(squares: &[f64]) -> f64 {
     (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
 }
 
@@ -88,77 +127,122 @@ fn interval(squares: &[f64], seed: u64) -> (f64, f64) {
             let drawn: Vec<f64> = (0..squares.len())
                 .map(|_| squares[random.below(squares.len())])
                 .collect();
-            rms(&drawn)
+            rms_of(&drawn)
         })
         .collect();
     values.sort_by(f64::total_cmp);
     (values[REPLICATES / 40], values[REPLICATES - 1 - REPLICATES / 40])
 }
 
-fn push(errors: &mut Errors, key: (usize, usize), square: f64) {
+fn push(errors: &mut Errors, key: (usize, usize), sample: Sample) {
     match errors.iter_mut().find(|(other, _)| *other == key) {
-        Some((_, squares)) => squares.push(square),
-        None => errors.push((key, vec![square])),
+        Some((_, samples)) => samples.push(sample),
+        None => errors.push((key, vec![sample])),
     }
 }
 
-fn errors(bundles: &[&crate::bundle::Bundle], records: &[Record], model: &Hypothesis) -> Errors {
+/// How harshly the wheels were driven over the time of a run.
+struct Liveliness(Vec<(f64, f64)>);
+
+impl Liveliness {
+    fn of(record: &Record) -> Liveliness {
+        let places = record.places();
+        let lively = |wanted: &dyn Fn(Quantity) -> bool| -> Vec<(f64, f64)> {
+            let pairs = places.iter().zip(record.activities());
+            pairs
+                .filter(|(place, _)| place.quantity.is_some_and(wanted))
+                .map(|(place, activity)| (place.time_s, activity))
+                .collect()
+        };
+        let mut cells = lively(&|quantity| matches!(quantity, Quantity::Wheel(_)));
+        if cells.is_empty() {
+            cells = lively(&|quantity| quantity == Quantity::Gyro);
+        }
+        cells.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        Liveliness(cells)
+    }
+
+    /// Square of the largest activity in a span.
+    fn squared(&self, from_s: f64, to_s: f64) -> f64 {
+        let begin = self.0.partition_point(|cell| cell.0 < from_s);
+        let end = self.0.partition_point(|cell| cell.0 <= to_s);
+        let largest = self.0[begin..end].iter().fold(0.0_f64, |most, cell| most.max(cell.1));
+        largest * largest
+    }
+}
+
+/// Errors of runs under a model, with what the floor expects of them. `bundles` and `records` are of the same runs.
+fn errors(floor: &Floor, bundles: &[&crate::bundle::Bundle], records: &[&Record], model: &Hypothesis) -> Errors {
     let mut errors: Errors = Vec::new();
     if let Some(robot) = model.robot() {
-        for bundle in bundles {
-            let Ok(gap) = end_to_end_with(bundle, &robot) else {
+        for (bundle, record) in bundles.iter().zip(records) {
+            let Ok(gap) = end_to_end_with(bundle, &robot, model.robot_clock()) else {
                 continue;
             };
+            let liveliness = Liveliness::of(record);
             for sample in &gap.samples {
-                add_pose(&mut errors, sample);
+                add_pose(&mut errors, sample, &liveliness);
             }
         }
     }
     for record in records {
-        let Some(residual) = residuals(record, model, Stages::BOTH, None) else {
-            continue;
-        };
-        // Mean square of a window up to each horizon.
-        let mut sums = vec![[[(0.0, 0.0); WINDOW_HORIZONS_S.len()]; CLASSES]; record.windows.len()];
-        for (place, value) in record.places().iter().zip(&residual) {
-            let Some(class) = place.quantity.map(|quantity| quantity.class()) else {
-                continue;
-            };
-            if class >= 6 {
-                continue;
-            }
-            let since_s = place.time_s - record.windows[place.window].from_s;
-            for (horizon, limit_s) in WINDOW_HORIZONS_S.iter().enumerate() {
-                let from_s = if horizon == 0 {
-                    0.0
-                } else {
-                    WINDOW_HORIZONS_S[horizon - 1]
-                };
-                if since_s >= from_s && since_s < *limit_s {
-                    let (sum, count) = &mut sums[place.window][class][horizon];
-                    *sum += value * value;
-                    *count += 1.0;
-                }
-            }
-        }
-        for window in &sums {
-            for (class, horizons) in window.iter().enumerate() {
-                for (horizon, (sum, count)) in horizons.iter().enumerate() {
-                    if *count > 0.0 {
-                        push(&mut errors, (class, horizon), sum / count);
-                    }
-                }
-            }
-        }
+        add_windows(&mut errors, floor, record, model);
     }
     errors
 }
 
-fn add_pose(errors: &mut Errors, sample: &GapSample) {
+fn add_windows(errors: &mut Errors, floor: &Floor, record: &Record, model: &Hypothesis) {
+    let Some(residual) = residuals(record, model, Stages::BOTH, None) else {
+        return;
+    };
+    // Mean square of a window up to each horizon: sums of squares, of expected squares, and their number.
+    let mut sums = vec![[[[0.0; 3]; WINDOW_HORIZONS_S.len()]; CLASSES]; record.windows.len()];
+    for ((place, activity), value) in record.places().iter().zip(record.activities()).zip(&residual) {
+        let Some(class) = place
+            .quantity
+            .map(|quantity| quantity.class())
+            .filter(|class| *class < POSE)
+        else {
+            continue;
+        };
+        let noise = &floor.noise.classes[class];
+        let since_s = place.time_s - record.windows[place.window].from_s;
+        for (horizon, limit_s) in WINDOW_HORIZONS_S.iter().enumerate() {
+            let from_s = if horizon == 0 {
+                0.0
+            } else {
+                WINDOW_HORIZONS_S[horizon - 1]
+            };
+            if since_s >= from_s && since_s < *limit_s {
+                let [sum, expected, count] = &mut sums[place.window][class][horizon];
+                *sum += value * value;
+                *expected += noise.at(activity);
+                *count += 1.0;
+            }
+        }
+    }
+    for window in &sums {
+        for (class, horizons) in window.iter().enumerate() {
+            for (horizon, [sum, expected, count]) in horizons.iter().enumerate() {
+                if *count > 0.0 {
+                    let sample = Sample {
+                        square: sum / count,
+                        expected: expected / count,
+                    };
+                    push(errors, (class, horizon), sample);
+                }
+            }
+        }
+    }
+}
+
+fn add_pose(errors: &mut Errors, sample: &GapSample, liveliness: &Liveliness) {
     let Some(horizon) = HORIZONS_S.iter().position(|h| *h == sample.horizon_s) else {
         return;
     };
+    let expected = liveliness.squared(sample.anchor_s - RUN_IN_S, sample.anchor_s + sample.horizon_s);
     let square = sample.forward_m * sample.forward_m + sample.left_m * sample.left_m;
-    push(errors, (6, horizon), square);
-    push(errors, (7, horizon), sample.yaw_rad * sample.yaw_rad);
+    push(errors, (POSE, horizon), Sample { square, expected });
+    let square = sample.yaw_rad * sample.yaw_rad;
+    push(errors, (POSE + 1, horizon), Sample { square, expected });
 }

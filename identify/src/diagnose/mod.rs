@@ -110,6 +110,8 @@ struct Case<'a> {
     fit: Option<Fit>,
     /// Standard errors from the scatter of runs, by (member, axis).
     scatter: Vec<((usize, usize), f64)>,
+    /// What the fit leaves beyond the noise, over what it explains.
+    law_rest: f64,
     first_scores: Vec<Score>,
     first_threshold: f64,
     last: Option<Stop>,
@@ -171,6 +173,7 @@ pub fn diagnose(workers: &dyn Workers, input: &Input) -> Result<Diagnosis, Diagn
         taken: Vec::new(),
         fit: None,
         scatter: Vec::new(),
+        law_rest: 0.0,
         first_scores: Vec::new(),
         first_threshold: 0.0,
         last: None,
@@ -424,13 +427,8 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
         validation.renew(workers, &case.floor, &model)?;
         kept.outdate();
     }
-    let mut after = run_energies(&train.metric, &case.floor, &train.records, &train.residuals);
-    after.extend(run_energies(
-        &validation.metric,
-        &case.floor,
-        &validation.records,
-        &validation.residuals,
-    ));
+    let mut after = run_energies(&train.metric, &train.residuals);
+    after.extend(run_energies(&validation.metric, &validation.residuals));
     case.energy_after = after.iter().sum::<f64>() / after.len().max(1) as f64;
     finish(workers, case, stages, members)
 }
@@ -460,6 +458,12 @@ fn finish(
     };
     case.fit = fit(&problem, members);
     if let Some(fit) = &case.fit {
+        let left = both
+            .metric
+            .gram(&[fit.residuals.iter().map(Vec::as_slice).collect()])
+            .at(0, 0);
+        let noise: f64 = (0..both.records.len()).map(|run| both.metric.expected(run)).sum();
+        case.law_rest = (left - noise).max(0.0) / fit.gain.max(1.0);
         case.scatter = fit
             .free
             .iter()
@@ -546,35 +550,24 @@ fn absorb(floor: &mut Floor, metric: &Metric, finalist: &Finalist, runs: usize) 
 }
 
 /// Mean over runs of the whitened energy per residual, everyday differences taken out.
-fn run_energies(metric: &Metric, floor: &Floor, records: &[Record], residuals: &[Vec<f64>]) -> Vec<f64> {
-    (0..records.len())
+fn run_energies(metric: &Metric, residuals: &[Vec<f64>]) -> Vec<f64> {
+    (0..residuals.len())
         .map(|run| {
             let energy = metric.gram_of_run(run, &[&residuals[run]]).at(0, 0);
-            let expected: f64 = records[run]
-                .places()
-                .iter()
-                .filter_map(|place| place.quantity)
-                .map(|quantity| 1.0 / floor.noise.classes[quantity.class()].correlation)
-                .sum();
-            energy / expected.max(1.0)
+            energy / metric.expected(run).max(1.0)
         })
         .collect()
 }
 
 /// Energy of the runs before anything is named, of the references, and the limit that chance keeps below.
 fn levels(case: &mut Case, reference_metric: Option<&Metric>, train: &Prepared, validation: &Prepared) {
-    let mut runs = run_energies(&train.metric, &case.floor, &train.records, &train.residuals);
-    runs.extend(run_energies(
-        &validation.metric,
-        &case.floor,
-        &validation.records,
-        &validation.residuals,
-    ));
+    let mut runs = run_energies(&train.metric, &train.residuals);
+    runs.extend(run_energies(&validation.metric, &validation.residuals));
     case.energy_before = runs.iter().sum::<f64>() / runs.len().max(1) as f64;
     match reference_metric {
         Some(metric) => {
             let floor = &case.floor;
-            let energies = run_energies(metric, floor, &floor.references, &floor.residuals);
+            let energies = run_energies(metric, &floor.residuals);
             let n = energies.len() as f64;
             let mean = energies.iter().sum::<f64>() / n;
             let variance = energies.iter().map(|e| (e - mean) * (e - mean)).sum::<f64>() / (n - 1.0).max(1.0);

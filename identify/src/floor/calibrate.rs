@@ -10,14 +10,18 @@ use crate::linear::Square;
 use crate::record::{Record, Stages};
 use crate::screen::{Change, all_residuals, columns};
 use crate::workers::{Cancelled, Workers};
+use twin::robot::RobotDescription;
 
 /// What a laboratory's description is off by, standard deviation in practical sizes.
 const DESCRIPTION_SIGMA: f64 = 1.5;
-/// Without references: descriptions are taken at their word, to this.
-const WORD_SIGMA: f64 = 0.15;
+/// Without references: what a description that its laboratory has looked after is off by.
+const WORD_SIGMA: f64 = 0.35;
 /// From run to run and from day to day, in practical sizes: stated prior, worth this many references.
 const VARIATION_SIGMA: f64 = 0.12;
 const VARIATION_RUNS: f64 = 3.0;
+/// The same for friction, as a share of the described one, and the least in practical sizes.
+const FRICTION_VARIATION: f64 = 0.1;
+const LEAST_VARIATION: f64 = 0.01;
 /// The same for battery and temperature, in knobs.
 const WEATHER_SIGMA: f64 = 1.0;
 const GAUSS_NEWTON_STEPS: usize = 3;
@@ -49,9 +53,23 @@ pub struct Floor {
     pub absorbed: Vec<twin::effect::Effect>,
 }
 
-fn prior_variation(knob: &Knob) -> f64 {
+/// Variance of a knob from run to run before any reference. Friction of a drive varies with what there is of it, and its practical size is many
+/// times that on a robot that runs freely.
+fn prior_variation(knob: &Knob, robot: &RobotDescription) -> f64 {
+    let of_friction = |nominal: Option<f64>, practical: f64| {
+        let share = FRICTION_VARIATION * nominal.unwrap_or(0.0) / practical;
+        share.clamp(LEAST_VARIATION, VARIATION_SIGMA)
+    };
+    let motor = robot.motor.as_ref();
     match knob {
-        Knob::Parameter { .. } => VARIATION_SIGMA * VARIATION_SIGMA,
+        Knob::Parameter { name, practical, .. } => {
+            let sigma = match *name {
+                "coulomb_friction" => of_friction(motor.map(|motor| motor.coulomb_n_m), *practical),
+                "viscous_friction" => of_friction(motor.map(|motor| motor.viscous_n_m_s), *practical),
+                _ => VARIATION_SIGMA,
+            };
+            sigma * sigma
+        }
         Knob::Supply(_) | Knob::Resistance(_) => WEATHER_SIGMA * WEATHER_SIGMA,
     }
 }
@@ -74,7 +92,10 @@ pub fn knob_changes(base: &Hypothesis, knobs: &[Knob], stages: &[Stages]) -> Vec
 impl Floor {
     /// Without references.
     pub fn stated(given: Hypothesis, knobs: Vec<Knob>) -> Floor {
-        let variation: Vec<f64> = knobs.iter().map(prior_variation).collect();
+        let variation: Vec<f64> = knobs
+            .iter()
+            .map(|knob| prior_variation(knob, &given.description))
+            .collect();
         let mut uncertainty = Square::zero(knobs.len());
         for (k, variance) in variation.iter().enumerate() {
             uncertainty.set(k, k, variance + WORD_SIGMA * WORD_SIGMA);
@@ -134,9 +155,9 @@ impl Floor {
     pub fn metric(&self, records: &[Record], sensitivities: &[Vec<Vec<f64>>]) -> Metric {
         let runs = (0..records.len())
             .map(|run| {
-                let weights = self.noise.weights(&records[run]);
-                let knobs = sensitivities.iter().map(|knob| knob[run].clone()).collect();
-                (weights, knobs)
+                let weighting = self.noise.weighting(&records[run]);
+                let knobs = sensitivities.iter().map(|knob| knob[run].as_slice()).collect();
+                (weighting, knobs)
             })
             .collect();
         Metric::new(runs, &self.variation, &self.uncertainty)
@@ -168,7 +189,8 @@ impl Floor {
         self.uncertainty = information.cholesky().inverse();
         for k in 0..count {
             self.sigmas[k] = self.uncertainty.at(k, k).sqrt();
-            self.uncertainty.add(k, k, prior_variation(&self.knobs[k]));
+            self.uncertainty
+                .add(k, k, prior_variation(&self.knobs[k], &self.given.description));
         }
         Ok(())
     }
@@ -179,8 +201,14 @@ impl Floor {
             let pairs = floor.references.iter().zip(residuals);
             let misfit: f64 = pairs
                 .map(|(record, residual)| {
-                    let weights = floor.noise.weights(record);
-                    weights.iter().zip(residual).map(|(w, r)| w * r * r).sum::<f64>()
+                    let weighting = floor.noise.weighting(record);
+                    let turned = weighting.turned(residual);
+                    weighting
+                        .weights
+                        .iter()
+                        .zip(&turned)
+                        .map(|(w, r)| w * r * r)
+                        .sum::<f64>()
                 })
                 .sum();
             misfit + dot(values, values) / (DESCRIPTION_SIGMA * DESCRIPTION_SIGMA)
@@ -208,16 +236,18 @@ impl Floor {
 
     /// S' W S and S' W y of one reference.
     fn moments(&self, reference: usize) -> (Square, Vec<f64>) {
-        let weights = self.noise.weights(&self.references[reference]);
+        let weighting = self.noise.weighting(&self.references[reference]);
+        let turned = |vector: &[f64]| weighting.turned(vector);
+        let residual = turned(&self.residuals[reference]);
+        let columns: Vec<Vec<f64>> = self.sensitivities.iter().map(|knob| turned(&knob[reference])).collect();
         let count = self.knobs.len();
         let mut gram = Square::zero(count);
         let mut score = vec![0.0; count];
         for i in 0..count {
-            let column = &self.sensitivities[i][reference];
-            let left: Vec<f64> = weights.iter().zip(column).map(|(w, v)| w * v).collect();
-            score[i] = dot(&left, &self.residuals[reference]);
+            let left: Vec<f64> = weighting.weights.iter().zip(&columns[i]).map(|(w, v)| w * v).collect();
+            score[i] = dot(&left, &residual);
             for j in 0..=i {
-                let product = dot(&left, &self.sensitivities[j][reference]);
+                let product = dot(&left, &columns[j]);
                 gram.set(i, j, product);
                 gram.set(j, i, product);
             }
@@ -259,7 +289,7 @@ impl Floor {
             let mut sums: Vec<f64> = self
                 .knobs
                 .iter()
-                .map(|knob| VARIATION_RUNS * prior_variation(knob))
+                .map(|knob| VARIATION_RUNS * prior_variation(knob, &self.given.description))
                 .collect();
             for (gram, score) in &moments {
                 let mut inner = gram.clone();

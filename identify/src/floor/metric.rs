@@ -7,13 +7,14 @@
 // Sums over rows and columns read better by their indices.
 #![allow(clippy::needless_range_loop)]
 
+use super::modes::Weighting;
 use crate::linear::{Factor, Square};
 
 /// One run.
 #[derive(Debug, Clone)]
 struct RunTerms {
-    weights: Vec<f64>,
-    /// Sensitivities of the knobs.
+    weighting: Weighting,
+    /// Sensitivities of the knobs, turned.
     knobs: Vec<Vec<f64>>,
     /// S' W S
     gram: Square,
@@ -48,17 +49,18 @@ fn weighted(weights: &[f64], values: &[f64]) -> Vec<f64> {
 }
 
 impl Metric {
-    /// - `runs`: weights and sensitivities of the knobs.
+    /// - `runs`: weights, and sensitivities of the knobs as they were simulated.
     /// - `variation`: variances L of the knobs from run to run.
     /// - `uncertainty`: covariance C of what the calibration left.
-    pub fn new(runs: Vec<(Vec<f64>, Vec<Vec<f64>>)>, variation: &[f64], uncertainty: &Square) -> Metric {
+    pub fn new(runs: Vec<(Weighting, Vec<&[f64]>)>, variation: &[f64], uncertainty: &Square) -> Metric {
         let knobs = variation.len();
         let mut common = uncertainty.cholesky().inverse();
         let mut terms = Vec::with_capacity(runs.len());
-        for (weights, sensitivities) in runs {
+        for (weighting, sensitivities) in runs {
+            let sensitivities: Vec<Vec<f64>> = sensitivities.iter().map(|knob| weighting.turned(knob)).collect();
             let mut gram = Square::zero(knobs);
             for i in 0..knobs {
-                let left = weighted(&weights, &sensitivities[i]);
+                let left = weighted(&weighting.weights, &sensitivities[i]);
                 for j in 0..=i {
                     let product = dot(&left, &sensitivities[j]);
                     gram.set(i, j, product);
@@ -80,7 +82,7 @@ impl Metric {
                 }
             }
             terms.push(RunTerms {
-                weights,
+                weighting,
                 knobs: sensitivities,
                 gram,
                 inner,
@@ -111,10 +113,23 @@ impl Metric {
         products
     }
 
-    /// Weighted energy of a vector in a part of a run, without regard to knobs.
-    pub fn energy(&self, run: usize, from: usize, to: usize, vector: &[f64]) -> f64 {
-        let weights = &self.runs[run].weights[from..to];
-        weights.iter().zip(&vector[from..to]).map(|(w, v)| w * v * v).sum()
+    /// Weighted energy of a run whose residuals are as large as the noise.
+    pub fn expected(&self, run: usize) -> f64 {
+        self.runs[run].weighting.expected
+    }
+
+    /// Weighted energy of the parts of a run's vector that end at some positions, without regard to knobs.
+    pub fn energies(&self, run: usize, ends: &[usize], vector: &[f64]) -> Vec<f64> {
+        let weighting = &self.runs[run].weighting;
+        let turned = weighting.turned(vector);
+        let mut from = 0;
+        let mut energies = Vec::with_capacity(ends.len());
+        for to in ends {
+            let part = weighting.weights[from..*to].iter().zip(&turned[from..*to]);
+            energies.push(part.map(|(w, v)| w * v * v).sum());
+            from = *to;
+        }
+        energies
     }
 
     /// Products a' V^-1 b of one run, and S' V^-1 a of every vector.
@@ -122,10 +137,11 @@ impl Metric {
         let count = vectors.len();
         let mut products = Square::zero(count);
         let mut seen: Vec<Vec<f64>> = Vec::with_capacity(count);
+        let turned: Vec<Vec<f64>> = vectors.iter().map(|vector| terms.weighting.turned(vector)).collect();
         for i in 0..count {
-            let left = weighted(&terms.weights, vectors[i]);
+            let left = weighted(&terms.weighting.weights, &turned[i]);
             for j in 0..=i {
-                products.set(i, j, dot(&left, vectors[j]));
+                products.set(i, j, dot(&left, &turned[j]));
             }
             seen.push(terms.knobs.iter().map(|knob| dot(&left, knob)).collect());
         }
@@ -207,7 +223,15 @@ mod tests {
         let mut uncertainty = Square::zero(2);
         uncertainty.values = vec![0.3, 0.1, 0.1, 0.4];
         let metric = Metric::new(
-            knobs.iter().map(|k| (weights.clone(), k.clone())).collect(),
+            knobs
+                .iter()
+                .map(|k| {
+                    (
+                        Weighting::diagonal(weights.clone()),
+                        k.iter().map(Vec::as_slice).collect(),
+                    )
+                })
+                .collect(),
             &variation,
             &uncertainty,
         );

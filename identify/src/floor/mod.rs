@@ -2,6 +2,7 @@
 
 mod calibrate;
 mod metric;
+mod modes;
 mod noise;
 
 pub use calibrate::{Floor, knob_changes};

@@ -5,6 +5,7 @@
 
 use twin::robot::RobotDescription;
 
+use super::modes::{Modes, Weighting};
 use crate::record::{CLASSES, Record};
 
 /// Variance of a class of residuals: `level` + `slope` activity^2, and over how many cells it is correlated.
@@ -12,23 +13,59 @@ use crate::record::{CLASSES, Record};
 pub struct ClassNoise {
     pub level: f64,
     pub slope: f64,
+    /// Activity up to which the references reach; beyond it the slope is at least `beyond`.
+    pub reach: f64,
+    pub beyond: f64,
     pub correlation: f64,
+}
+
+impl ClassNoise {
+    /// Variance at an activity.
+    pub fn at(&self, activity: f64) -> f64 {
+        let square = activity * activity;
+        let unseen = (square - self.reach * self.reach).max(0.0);
+        self.level + self.slope * square + (self.beyond - self.slope).max(0.0) * unseen
+    }
+
+    /// From squares of residuals with the activities that they were at: `(activity, square)`.
+    ///
+    /// - `least`: smallest level.
+    /// - `beyond`: slope where the cells say nothing.
+    pub fn fitted(cells: &mut [(f64, f64)], least: f64, beyond: f64) -> ClassNoise {
+        let (level, slope) = variance(cells, least);
+        let reach = cells.get(cells.len() * 39 / 40).map_or(0.0, |cell| cell.0);
+        ClassNoise {
+            level,
+            slope,
+            reach,
+            beyond,
+            correlation: 1.0,
+        }
+    }
 }
 
 /// Noise of all classes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NoiseModel {
     pub classes: [ClassNoise; CLASSES],
+    /// Of classes with one quantity a wheel: directions in which wheels err independently.
+    pub modes: Vec<Modes>,
     /// Taken from the description and a stated prior, not from references.
     pub is_prior: bool,
 }
 
-/// Without references: model error as a share of the change of a channel around a cell.
-const PRIOR_SLOPE: f64 = 0.03;
+/// Laws of a twin are not those of a robot. Without references, and beyond where references reach, by class: standard deviation as
+/// a share of the change of the channel around a cell; poses per rad/s by which a wheel's speed changed, m and rad.
+const PRIOR_SLOPE: [f64; CLASSES] = [0.05, 0.2, 0.3, 0.3, 0.15, 0.25, 2e-4, 3e-4];
+/// Without references: standard deviation in quiet cells over that of the sensor.
+const PRIOR_LEVEL: [f64; CLASSES] = [2.0, 1.5, 2.0, 1.5, 1.7, 1.5, 1.5, 1.5];
+/// Without references: error of a current as a share of the limit (friction, cogging and tyres that fight each other).
+const PRIOR_CURRENT: f64 = 0.015;
 /// Without references: model error of a position, m, and a yaw, rad, in a window.
-const PRIOR_POSE_M: f64 = 0.002;
-const PRIOR_YAW_RAD: f64 = 0.004;
-const PRIOR_CORRELATION: f64 = 4.0;
+const PRIOR_POSE_M: f64 = 0.001;
+const PRIOR_YAW_RAD: f64 = 0.002;
+/// Without references: cells over which an error lasts.
+const PRIOR_CORRELATION: [f64; CLASSES] = [4.0, 3.0, 14.0, 5.0, 4.0, 3.0, 4.0, 3.0];
 /// Cells that a sample's noise is averaged over at least once.
 const SAMPLES_A_CELL: f64 = 5.0;
 /// Where the description is silent about noise, by class.
@@ -65,20 +102,29 @@ impl NoiseModel {
     /// What is known before any reference.
     pub fn prior(robot: &RobotDescription) -> NoiseModel {
         let sensor = sensor_variance(robot);
+        let limit_a = robot.motor.as_ref().map_or(0.0, |motor| {
+            let stall_a = motor.supply_v / motor.resistance_ohm;
+            motor.current_limit_a.map_or(stall_a, |limit| limit.min(stall_a))
+        });
         let classes = core::array::from_fn(|class| {
             let error = match class {
+                2 => PRIOR_CURRENT * limit_a,
                 6 => PRIOR_POSE_M,
                 7 => PRIOR_YAW_RAD,
                 _ => 0.0,
             };
+            let slope = PRIOR_SLOPE[class] * PRIOR_SLOPE[class];
             ClassNoise {
-                level: 2.0 * sensor[class] + error * error,
-                slope: PRIOR_SLOPE * PRIOR_SLOPE,
-                correlation: PRIOR_CORRELATION,
+                level: PRIOR_LEVEL[class] * PRIOR_LEVEL[class] * sensor[class] + error * error,
+                slope,
+                reach: 0.0,
+                beyond: slope,
+                correlation: PRIOR_CORRELATION[class],
             }
         });
         NoiseModel {
             classes,
+            modes: Vec::new(),
             is_prior: true,
         }
     }
@@ -101,11 +147,10 @@ impl NoiseModel {
             if cells.len() < 20 {
                 continue;
             }
-            let (level, slope) = variance(&mut cells, 0.5 * sensor[class]);
+            let own = ClassNoise::fitted(&mut cells, 0.5 * sensor[class], noise.classes[class].beyond);
             noise.classes[class] = ClassNoise {
-                level,
-                slope,
-                correlation: PRIOR_CORRELATION,
+                correlation: PRIOR_CORRELATION[class],
+                ..own
             };
         }
         for class in 0..CLASSES {
@@ -113,11 +158,27 @@ impl NoiseModel {
                 noise.classes[class].correlation = correlation;
             }
         }
+        noise.modes = Modes::all(&noise.classes, &sensor, records, residuals);
         noise.is_prior = false;
         noise
     }
 
-    /// Weights of a record's residuals: one over variance and correlation length.
+    /// Weights of a record's residuals in the directions in which they are independent.
+    pub fn weighting(&self, record: &Record) -> Weighting {
+        let mut weighting = Weighting::diagonal(self.weights(record));
+        let places = record.places();
+        let own = places.iter().filter_map(|place| place.quantity);
+        weighting.expected = own
+            .map(|quantity| 1.0 / self.classes[quantity.class()].correlation)
+            .sum();
+        let activities = record.activities();
+        for modes in &self.modes {
+            modes.weigh(record, &self.classes, &activities, &mut weighting);
+        }
+        weighting
+    }
+
+    /// Weights of a record's residuals taken one by one: one over variance and correlation length.
     pub fn weights(&self, record: &Record) -> Vec<f64> {
         let places = record.places();
         let activities = record.activities();
@@ -127,7 +188,7 @@ impl NoiseModel {
             .map(|(place, activity)| {
                 place.quantity.map_or(0.0, |quantity| {
                     let class = &self.classes[quantity.class()];
-                    1.0 / ((class.level + class.slope * activity * activity) * class.correlation)
+                    1.0 / (class.at(activity) * class.correlation)
                 })
             })
             .collect()
@@ -161,37 +222,42 @@ fn variance(cells: &mut [(f64, f64)], least: f64) -> (f64, f64) {
 
 /// Integrated correlation of the whitened residuals of neighbouring cells in a window.
 fn correlation(noise: &NoiseModel, class: usize, records: &[Record], residuals: &[Vec<f64>]) -> Option<f64> {
-    let mut sums = [0.0; MOST_LAGS + 1];
     let own = &noise.classes[class];
+    let mut series: Vec<Vec<f64>> = Vec::new();
     for (record, residual) in records.iter().zip(residuals) {
         let places = record.places();
         let activities = record.activities();
-        let mut series: Vec<f64> = Vec::new();
-        let mut last = None;
-        let mut add = |series: &mut Vec<f64>| {
-            for lag in 0..=MOST_LAGS.min(series.len().saturating_sub(1)) {
-                sums[lag] += series.iter().zip(&series[lag..]).map(|(a, b)| a * b).sum::<f64>();
-            }
-            series.clear();
-        };
         // One series a quantity and window. Poses stand in triplets: three passes.
         for wanted in record
             .quantities()
             .into_iter()
             .filter(|quantity| quantity.class() == class)
         {
+            let mut last = None;
             for ((place, activity), value) in places.iter().zip(&activities).zip(residual) {
                 if place.quantity != Some(wanted) {
                     continue;
                 }
-                if last != Some((wanted, place.window)) {
-                    add(&mut series);
-                    last = Some((wanted, place.window));
+                if last != Some(place.window) {
+                    series.push(Vec::new());
+                    last = Some(place.window);
                 }
-                let whitened = value / (own.level + own.slope * activity * activity).sqrt();
-                series.push(whitened.clamp(-6.0, 6.0));
+                let whitened = value / own.at(*activity).sqrt();
+                if let Some(open) = series.last_mut() {
+                    open.push(whitened.clamp(-6.0, 6.0));
+                }
             }
-            add(&mut series);
+        }
+    }
+    correlation_of(&series)
+}
+
+/// Cells over which whitened series are correlated, once for each side; `None` without values.
+pub(super) fn correlation_of(series: &[Vec<f64>]) -> Option<f64> {
+    let mut sums = [0.0; MOST_LAGS + 1];
+    for values in series {
+        for lag in 0..=MOST_LAGS.min(values.len().saturating_sub(1)) {
+            sums[lag] += values.iter().zip(&values[lag..]).map(|(a, b)| a * b).sum::<f64>();
         }
     }
     if sums[0] <= 0.0 {
@@ -206,4 +272,44 @@ fn correlation(noise: &NoiseModel, class: usize, records: &[Record], residuals: 
         length += 2.0 * share;
     }
     Some(length)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Where references reach, their slope counts; beyond, at least the stated one, and the variance has no step.
+    #[test]
+    fn what_references_did_not_see_is_not_taken_for_exact() {
+        let noise = ClassNoise {
+            level: 2.0,
+            slope: 0.1,
+            reach: 3.0,
+            beyond: 0.5,
+            correlation: 1.0,
+        };
+        assert!((noise.at(2.0) - 2.4).abs() < 1e-12);
+        assert!((noise.at(3.0) - 2.9).abs() < 1e-12);
+        assert!((noise.at(5.0) - (2.0 + 0.1 * 25.0 + 0.4 * 16.0)).abs() < 1e-12);
+        let steep = ClassNoise { slope: 0.8, ..noise };
+        assert!((steep.at(5.0) - 22.0).abs() < 1e-12);
+    }
+
+    /// Standard deviation 0.3 + a part that grows as 0.2 activity: found within a tenth; reach is the largest activity but a few.
+    #[test]
+    fn level_and_slope_are_found() {
+        let mut random = crate::random::Random::new(7, 1);
+        let mut cells: Vec<(f64, f64)> = (0..4000)
+            .map(|k| {
+                let activity = if k % 2 == 0 { 0.0 } else { 5.0 * random.uniform() };
+                let sigma = (0.09 + 0.04 * activity * activity).sqrt();
+                let value = sigma * random.normal();
+                (activity, value * value)
+            })
+            .collect();
+        let noise = ClassNoise::fitted(&mut cells, 0.0, 0.0);
+        assert!((noise.level / 0.09 - 1.0).abs() < 0.1, "{noise:?}");
+        assert!((noise.slope / 0.04 - 1.0).abs() < 0.15, "{noise:?}");
+        assert!((4.5..5.0).contains(&noise.reach), "{noise:?}");
+    }
 }

@@ -234,7 +234,7 @@ fn window(source: &Source, start_s: f64, to_s: f64, sent: &Sent) -> Option<Windo
     let row = times.partition_point(|t| *t < start_s).min(times.len() - 1);
     let poses = !source.track.poses.is_empty();
     let mut start = if poses {
-        start_at(bundle, &source.track, row)?
+        start_at(bundle, &source.track, row, row)?
     } else {
         start_without_poses(source, start_s)
     };

@@ -9,6 +9,7 @@ use twin::robot::Robot;
 
 use super::build::rolling_rows;
 use super::{Chain, Record, Window};
+use crate::gap::RobotClock;
 use crate::hypothesis::Hypothesis;
 
 /// Which chains are simulated; the other's residuals are taken from the base.
@@ -274,12 +275,19 @@ impl Hypothesis {
         now
     }
 
-    /// Robot's clock less tracker's clock at a window, s.
-    fn clock_shift_s(&self, window: &Window) -> f64 {
+    /// Robot's clock less tracker's clock.
+    pub fn robot_clock(&self) -> RobotClock {
         let clocks = self.effects.iter().filter(|effect| effect.name == "clock_offset");
-        clocks
-            .map(|effect| effect.value("offset") + effect.value("drift") * window.elapsed_s)
-            .sum()
+        clocks.fold(RobotClock::default(), |sum, effect| RobotClock {
+            offset_s: sum.offset_s + effect.value("offset"),
+            drift: sum.drift + effect.value("drift"),
+        })
+    }
+
+    /// The same at a window, s.
+    fn clock_shift_s(&self, window: &Window) -> f64 {
+        let clock = self.robot_clock();
+        clock.offset_s + clock.drift * window.elapsed_s
     }
 }
 

@@ -25,7 +25,7 @@ const NOTHING_LEFT: f64 = 0.7;
 const LEVEL: f64 = 0.995;
 /// Decrease on validation runs that chance does not give, for one candidate (chi^2 of one, 99 %).
 const VALIDATION_GAIN: f64 = 6.6;
-/// Gain per residual on validation runs over that on training runs, at least.
+/// Gain on validation runs over that of an effect of just this size, at least.
 const CONSISTENT: f64 = 0.2;
 /// Half-splits, and bootstrap replicates.
 const REPLICATES: usize = 200;
@@ -38,8 +38,10 @@ const MAJORITY: f64 = 0.5;
 const SAME: f64 = 0.95;
 /// Difference of gains, as a share, that the laws' own inaccuracy makes.
 const LAW_SHARE: f64 = 0.02;
-/// Part of what is explained that the laws of the explanation leave as a rest of their own.
+/// Part of what is explained that the laws of the explanation leave as a rest of their own. Such a rest is of many kinds: an effect that
+/// explains this share of what is left is no part of it.
 const LAW_REST: f64 = 0.01;
+const REST_SHARE: f64 = 0.3;
 
 /// Training and validation side of the data.
 pub struct Side<'a> {
@@ -71,6 +73,8 @@ pub struct Finalist {
     pub member: Member,
     pub gain_train: f64,
     pub gain_validation: f64,
+    /// What it changes on the validation runs: the gain there if it has just the fitted size.
+    pub change_validation: f64,
     /// Amplitude at which the same change is in the references; 1 = just as much.
     pub in_references: f64,
     pub stability: f64,
@@ -177,7 +181,7 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Sensitivities) -> R
     if order.is_empty() {
         return Ok(stop);
     }
-    let threshold = threshold.max(LAW_REST * data.explained);
+    let threshold = threshold.max((LAW_REST * data.explained).min(REST_SHARE * rest_of(data)));
     stop.threshold = threshold;
     let fitted = fits(workers, data, &order, &stop.scores)?;
     stop.simulations = fitted.iter().map(|fitted| fitted.fit.simulations).sum();
@@ -220,6 +224,13 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Sensitivities) -> R
     }
     stop.finalists = pairs.into_iter().map(|pair| pair.0).collect();
     Ok(stop)
+}
+
+/// Energy of the training runs beyond the noise.
+fn rest_of(data: &Round) -> f64 {
+    let metric = data.train.metric;
+    let noise: f64 = (0..metric.run_count()).map(|run| metric.expected(run)).sum();
+    (metric.gram(&[slices(data.train.residuals)]).at(0, 0) - noise).max(0.0)
 }
 
 /// Difference of gains that says nothing, for a gain.
@@ -398,6 +409,7 @@ fn judge(data: &Round, fitted: &Fitted, threshold: f64) -> Finalist {
         size: member.candidate.size(&member.values),
         gain_train: fitted.fit.gain,
         gain_validation: 0.0,
+        change_validation: 0.0,
         in_references: 0.0,
         stability: 0.0,
         harmful: 1.0,
@@ -421,11 +433,13 @@ fn judge(data: &Round, fitted: &Fitted, threshold: f64) -> Finalist {
         return finalist;
     };
     if !changed.is_empty() {
+        let own = difference(data.validation.residuals, &changed);
         let gram = data
             .validation
             .metric
-            .gram(&[slices(data.validation.residuals), slices(&changed)]);
+            .gram(&[slices(data.validation.residuals), slices(&changed), slices(&own)]);
         finalist.gain_validation = gram.at(0, 0) - gram.at(1, 1);
+        finalist.change_validation = gram.at(2, 2);
         finalist.harmful = harmful(data, &changed);
     }
     if let Some(metric) = data.reference_metric {
@@ -464,14 +478,17 @@ fn harmful(data: &Round, changed: &[Vec<f64>]) -> f64 {
 
 /// Decrease of the weighted energy of every window.
 fn window_gains(metric: &Metric, run: usize, record: &Record, before: &[f64], after: &[f64]) -> Vec<f64> {
-    let mut from = 0;
-    let mut gains = Vec::with_capacity(record.windows.len());
-    for window in &record.windows {
-        let to = from + window.drive.len() + window.rolling.as_ref().map_or(0, crate::record::Chain::len);
-        gains.push(metric.energy(run, from, to, before) - metric.energy(run, from, to, after));
-        from = to;
-    }
-    gains
+    let mut to = 0;
+    let ends: Vec<usize> = record
+        .windows
+        .iter()
+        .map(|window| {
+            to += window.drive.len() + window.rolling.as_ref().map_or(0, crate::record::Chain::len);
+            to
+        })
+        .collect();
+    let (before, after) = (metric.energies(run, &ends, before), metric.energies(run, &ends, after));
+    before.iter().zip(after).map(|(before, after)| before - after).collect()
 }
 
 fn amplitude_in_references(data: &Round, metric: &Metric, model: &Hypothesis, stages: Stages) -> Option<f64> {
@@ -486,7 +503,6 @@ fn amplitude_in_references(data: &Round, metric: &Metric, model: &Hypothesis, st
 }
 
 fn gate(data: &Round, finalist: &Finalist, threshold: f64) -> Option<String> {
-    let cells = |records: &[Record]| records.iter().map(Record::len).sum::<usize>().max(1) as f64;
     if finalist.gain_train < threshold {
         return Some(format!(
             "gain {:.0} on the training runs is below the threshold {threshold:.0}",
@@ -501,10 +517,8 @@ fn gate(data: &Round, finalist: &Finalist, threshold: f64) -> Option<String> {
                 finalist.gain_validation
             ));
         }
-        let per_validation = finalist.gain_validation / cells(data.validation.records);
-        let per_training = finalist.gain_train / cells(data.train.records);
-        if per_validation < CONSISTENT * per_training {
-            return Some("explains much less on the validation runs than on those it was fitted to".to_owned());
+        if finalist.gain_validation < CONSISTENT * finalist.change_validation {
+            return Some("changes the validation runs more than it explains of them".to_owned());
         }
         if finalist.harmful > 0.05 {
             return Some(format!(
