@@ -21,6 +21,8 @@ pub struct Score {
 
 /// Share of the best gain from which another place is worth a start.
 const WORTH_A_START: f64 = 0.6;
+/// Gain from which a limit is one of several that are tried together.
+const LIMIT_GAIN: f64 = 20.0;
 /// Replicates for thresholds.
 const REPLICATES: usize = 1500;
 
@@ -86,6 +88,8 @@ fn score(candidate: &Candidate, gram: &Square, rows: &[usize]) -> Score {
                 .map(|(_, coefficient, position)| scaled(candidate, *position, *coefficient))
                 .collect();
             let best = gains[0].2;
+            let mut more_starts: Vec<Vec<f64>> = starts.iter().skip(1).cloned().collect();
+            more_starts.extend(limits_together(candidate, &gains));
             Score {
                 gain: gains[0].0,
                 sensitivity: rows.iter().map(|row| strength(*row)).fold(0.0, f64::max),
@@ -93,11 +97,31 @@ fn score(candidate: &Candidate, gram: &Square, rows: &[usize]) -> Score {
                     .first()
                     .cloned()
                     .unwrap_or_else(|| candidate.columns[best].values.clone()),
-                more_starts: starts.into_iter().skip(1).collect(),
+                more_starts,
                 best_column: rows[best],
             }
         }
     }
+}
+
+/// Several limits at once, each where its own probe gained most: fits do not move what is not limited.
+fn limits_together(candidate: &Candidate, gains: &[(f64, f64, usize)]) -> Option<Vec<f64>> {
+    let mut together: Vec<f64> = candidate.axes.iter().map(|axis| axis.neutral).collect();
+    if together.len() < 2 || together.iter().any(|neutral| neutral.is_finite()) {
+        return None;
+    }
+    let mut limited = 0;
+    for (gain, _, position) in gains {
+        let values = &candidate.columns[*position].values;
+        let mut finite = (0..values.len()).filter(|axis| values[*axis].is_finite());
+        if let (Some(axis), None, true) = (finite.next(), finite.next(), *gain > LIMIT_GAIN)
+            && together[axis].is_infinite()
+        {
+            together[axis] = values[axis];
+            limited += 1;
+        }
+    }
+    (limited > 1).then_some(together)
 }
 
 /// A probe with its size scaled by what the data ask for.

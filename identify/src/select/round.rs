@@ -6,7 +6,7 @@ use crate::fit::{Fit, Member, Problem, fit, with_members};
 use crate::floor::{Floor, Metric};
 use crate::hypothesis::{Candidate, Hypothesis};
 use crate::random::Random;
-use crate::record::{Record, Stages, residuals};
+use crate::record::{CHANNELS, CLASSES, Record, Stages, residuals};
 use crate::screen::{Change, Score, all_residuals, columns, scores, thresholds};
 use crate::workers::{Cancelled, Workers, gathered};
 
@@ -27,6 +27,10 @@ const LEVEL: f64 = 0.995;
 const VALIDATION_GAIN: f64 = 6.6;
 /// Gain on validation runs over that of an effect of just this size, at least.
 const CONSISTENT: f64 = 0.2;
+/// A channel is worse when its energy rises by this share; so much of the whole gain may be lost in one channel, since effects that are
+/// still missing may hide there.
+const WORSE: f64 = 0.1;
+const HARM: f64 = 0.25;
 /// Half-splits, and bootstrap replicates.
 const REPLICATES: usize = 200;
 /// A winner that is the best in a smaller share of half-splits has rivals: those that are the best in this share of them.
@@ -80,6 +84,8 @@ pub struct Finalist {
     pub stability: f64,
     /// Share of bootstrap replicates of the validation runs that it makes worse.
     pub harmful: f64,
+    /// Channel of the validation runs that it makes worse, by how much of what it gains in all.
+    pub worse: Option<(usize, f64)>,
     /// Size in practical sizes.
     pub size: f64,
     pub because: Option<String>,
@@ -413,6 +419,7 @@ fn judge(data: &Round, fitted: &Fitted, threshold: f64) -> Finalist {
         in_references: 0.0,
         stability: 0.0,
         harmful: 1.0,
+        worse: None,
         because: None,
         cosine: 0.0,
         member,
@@ -440,7 +447,8 @@ fn judge(data: &Round, fitted: &Fitted, threshold: f64) -> Finalist {
             .gram(&[slices(data.validation.residuals), slices(&changed), slices(&own)]);
         finalist.gain_validation = gram.at(0, 0) - gram.at(1, 1);
         finalist.change_validation = gram.at(2, 2);
-        finalist.harmful = harmful(data, &changed);
+        finalist.harmful = harmful(data, &changed, finalist.gain_validation);
+        finalist.worse = worse(data, &changed, finalist.gain_validation);
     }
     if let Some(metric) = data.reference_metric {
         finalist.in_references = amplitude_in_references(data, metric, &alone, own_stages).unwrap_or(0.0);
@@ -449,8 +457,10 @@ fn judge(data: &Round, fitted: &Fitted, threshold: f64) -> Finalist {
     finalist
 }
 
-/// Bootstrap of the validation windows: share of replicates with more energy than before.
-fn harmful(data: &Round, changed: &[Vec<f64>]) -> f64 {
+/// Bootstrap of the validation windows: share of replicates with more energy than before. A run in which an effect does not act (a limit
+/// that is not reached) is not made worse by it.
+fn harmful(data: &Round, changed: &[Vec<f64>], gain: f64) -> f64 {
+    let nothing = (VALIDATION_GAIN * data.floor.inflation()).max(LAW_SHARE * gain);
     let mut random = Random::new(data.seed, 0x6861_726d);
     let mut runs: Vec<Vec<f64>> = Vec::new();
     for (run, record) in data.validation.records.iter().enumerate() {
@@ -471,9 +481,39 @@ fn harmful(data: &Round, changed: &[Vec<f64>]) -> f64 {
                 sum += run[random.below(run.len())];
             }
         }
-        worse += usize::from(sum <= 0.0);
+        worse += usize::from(sum < -nothing);
     }
     worse as f64 / REPLICATES as f64
+}
+
+/// The channel of the validation runs that loses most, and its loss as a share of the whole gain.
+fn worse(data: &Round, changed: &[Vec<f64>], gain: f64) -> Option<(usize, f64)> {
+    let mut energies = [[0.0; 4]; CLASSES];
+    for (run, record) in data.validation.records.iter().enumerate() {
+        let weights = data.floor.noise.weights(record);
+        let residuals = data.validation.residuals[run].iter().zip(&changed[run]);
+        for ((place, weight), (before, after)) in record.places().iter().zip(weights).zip(residuals) {
+            if let Some(quantity) = place.quantity {
+                let [old, new, plain_old, plain_new] = &mut energies[quantity.class()];
+                *old += weight * before * before;
+                *new += weight * after * after;
+                *plain_old += before * before;
+                *plain_new += after * after;
+            }
+        }
+    }
+    let chance = VALIDATION_GAIN * data.floor.inflation();
+    energies
+        .iter()
+        .enumerate()
+        .filter(|(_, [old, new, _, _])| *new > (1.0 + WORSE) * old && new - old > chance)
+        .map(|(class, [old, new, plain_old, plain_new])| {
+            let share = (new - old) / gain.max(1.0);
+            // Twice as bad in the channel's own unit is harm, however little the floor expects of the channel.
+            let is_doubled = *plain_new > 4.0 * plain_old;
+            (class, if is_doubled { share.max(1.0) } else { share })
+        })
+        .max_by(|a, b| a.1.total_cmp(&b.1))
 }
 
 /// Decrease of the weighted energy of every window.
@@ -519,6 +559,13 @@ fn gate(data: &Round, finalist: &Finalist, threshold: f64) -> Option<String> {
         }
         if finalist.gain_validation < CONSISTENT * finalist.change_validation {
             return Some("changes the validation runs more than it explains of them".to_owned());
+        }
+        if let Some((class, share)) = finalist.worse.filter(|worse| worse.1 > HARM) {
+            return Some(format!(
+                "makes {} worse by {:.0} % of what it gains",
+                CHANNELS[class],
+                100.0 * share
+            ));
         }
         if finalist.harmful > 0.05 {
             return Some(format!(
