@@ -214,3 +214,89 @@ impl Modes {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::floor::NoiseModel;
+    use crate::random::Random;
+    use crate::record::{Cell, Chain, Window};
+
+    const TIMES: usize = 400;
+
+    /// Two motors at the same times, nothing else.
+    fn record() -> Record {
+        let cell = |wheel: usize, k: usize| Cell {
+            quantity: Quantity::Current(wheel),
+            time_s: 0.05 * k as f64,
+            measured: 0.0,
+            activity: 0.0,
+            samples: (0, 0),
+        };
+        let cells = (0..2)
+            .flat_map(|wheel| (0..TIMES).map(move |k| cell(wheel, k)))
+            .collect();
+        let window = Window {
+            start_s: 0.0,
+            from_s: 0.0,
+            to_s: 20.0,
+            elapsed_s: 0.0,
+            start: twin::free::Start::default(),
+            drive: Chain {
+                cells,
+                ..Chain::default()
+            },
+            rolling: None,
+            wheel_angle_rad: Vec::new(),
+            load: Vec::new(),
+        };
+        Record {
+            name: "pair".to_owned(),
+            windows: vec![window],
+            input: None,
+            supply_ratio: 1.0,
+            largest_command_rad_per_s: 0.0,
+            outliers: 0,
+            skipped: 0,
+        }
+    }
+
+    /// Motors that fight with 0.5 A in opposite directions and are off together by 0.02 A: a common change of 0.02 A on both is
+    /// one standard deviation of its direction in every cell, where wheel by wheel it would be 0.04.
+    #[test]
+    fn what_wheels_do_together_is_seen_beside_their_fight() {
+        let mut random = Random::new(3, 1);
+        let pairs: Vec<(f64, f64)> = (0..TIMES)
+            .map(|_| {
+                let (fight, together) = (0.5 * random.normal(), 0.02 * random.normal());
+                (together + fight, together - fight)
+            })
+            .collect();
+        let residual: Vec<f64> = pairs.iter().map(|p| p.0).chain(pairs.iter().map(|p| p.1)).collect();
+        let record = record();
+        let robot = twin::robot::RobotDescription {
+            noise: Some(twin::robot::Noise {
+                current_a: Some(1e-3),
+                ..twin::robot::Noise::default()
+            }),
+            ..twin::golden::reference_robot("diff2")
+        };
+        let noise = NoiseModel::fitted(&robot, core::slice::from_ref(&record), core::slice::from_ref(&residual));
+        let weighting = noise.weighting(&record);
+        let energy = |vector: &[f64]| -> f64 {
+            let turned = weighting.turned(vector);
+            weighting.weights.iter().zip(&turned).map(|(w, v)| w * v * v).sum()
+        };
+        let own: f64 = noise.weights(&record).iter().map(|w| w * 0.02 * 0.02).sum();
+        let change = vec![0.02; 2 * TIMES];
+        let expected = TIMES as f64;
+        assert!(
+            energy(&change) > 0.6 * expected && energy(&change) < 1.4 * expected,
+            "{}",
+            energy(&change)
+        );
+        assert!(own < 0.01 * expected, "{own}");
+        // Noise itself has the energy that is expected of it.
+        assert!((energy(&residual) / weighting.expected - 1.0).abs() < 0.2);
+    }
+}
