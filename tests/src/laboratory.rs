@@ -68,7 +68,9 @@ impl System {
         limit: Duration,
         is: impl Fn(&Value) -> bool,
     ) -> anyhow::Result<Value> {
-        let found = crate::wait_for(&format!("{name}: {what}"), limit, || async {
+        let sought = format!("{name}: {what}");
+        let is = &is;
+        let found = crate::wait_for(&sought, limit, || async move {
             Ok(self.robot(name).await.ok().filter(|robot| is(robot)))
         });
         match found.await {
