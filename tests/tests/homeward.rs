@@ -35,6 +35,20 @@ async fn activity(system: &System, robot: &str, wanted: Value, limit: Duration) 
         .await
 }
 
+/// A run of `robot`, and then its way home until the robot is well under way.
+async fn on_the_way(system: &System, robot: &str) -> anyhow::Result<()> {
+    let rides = || system.process_log("lab").matches("1 robots drive home").count();
+    let before = rides();
+    done(system, robot, 4.0).await?;
+    activity(system, robot, json!("driving_home"), HOME_LIMIT).await?;
+    system_tests::wait_for("the ride home", HOME_LIMIT, || async {
+        Ok((rides() > before).then_some(()))
+    })
+    .await?;
+    tokio::time::sleep(Duration::from_millis(1500)).await; // let it drive
+    Ok(())
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn robots_drive_home_after_the_result_and_give_way_to_the_next_run_and_to_the_stop() -> anyhow::Result<()> {
     let flags = ["--tracker", "--docks", "examples/lab/docks.json"];
@@ -55,16 +69,16 @@ async fn robots_drive_home_after_the_result_and_give_way_to_the_next_run_and_to_
     activity(&system, "omni-01", json!("charging"), HOME_LIMIT).await?;
 
     // From home to the starts by itself; and a run that is waiting ends the way home of a robot that it does not need.
-    done(&system, "omni-01", 4.0).await?;
-    activity(&system, "omni-01", json!("driving_home"), HOME_LIMIT).await?;
-    done(&system, "omni-03", 4.0).await?;
-    system
-        .wait_for_log("lab", "the way home ends, robots stay where they are", HOME_LIMIT)
-        .await?;
+    on_the_way(&system, "omni-01").await?;
+    on_the_way(&system, "omni-03").await?;
+    ensure!(
+        system
+            .process_log("lab")
+            .contains("the way home ends, robots stay where they are")
+    );
     ensure!(!system.process_log("lab").contains("robots are carried to their starts"));
 
     // A press ends it for good: the robot stays where it is until a run needs it.
-    activity(&system, "omni-03", json!("driving_home"), HOME_LIMIT).await?;
     let state = system.stop_port("POST /stop")?;
     ensure!(state["stopped"] == true, "{state}");
     system
@@ -74,8 +88,7 @@ async fn robots_drive_home_after_the_result_and_give_way_to_the_next_run_and_to_
     system.stop_port("POST /clear")?;
 
     // Who cannot get home is carried, and the reason is in the log.
-    done(&system, "omni-03", 4.0).await?;
-    activity(&system, "omni-03", json!("driving_home"), HOME_LIMIT).await?;
+    on_the_way(&system, "omni-03").await?;
     system.fault(3, json!({"kind": "tracker_lost"}))?;
     system
         .wait_for_log("lab", "robots do not get home by themselves", HOME_LIMIT)

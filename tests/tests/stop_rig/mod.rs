@@ -94,8 +94,12 @@ impl StopRig {
         let keys = keys(&folder.join("keys.json"))?;
         let (found, stops) = channel();
         for (number, key) in &keys {
-            tap(*number, *key, udp_base, tapped_base, found.clone())?;
+            let port = |base: u16| base + u16::from(*number);
+            tap(vec![(*number, *key)], port(udp_base), port(tapped_base), found.clone())?;
         }
+        // Groups go to the base itself.
+        let all = keys.iter().map(|(number, key)| (*number, *key)).collect();
+        tap(all, udp_base, tapped_base, found)?;
         let nobody = Service {
             // Nobody listens there.
             address: "http://127.0.0.1:9".to_owned(),
@@ -245,12 +249,12 @@ impl Drop for StopRig {
     }
 }
 
-/// Passes frames of one robot on, both ways, and tells of those that stop it.
-fn tap(number: u8, key: Key, udp_base: u16, tapped_base: u16, found: Sender<StopFrame>) -> anyhow::Result<()> {
-    let port = |base: u16| base + u16::from(number);
-    let outside = UdpSocket::bind(("127.0.0.1", port(tapped_base)))?;
+/// Passes what comes to one port on, and the answers back, and tells of frames that stop a robot.
+///
+/// - `robots`: who is meant by frames that come to this port.
+fn tap(robots: Vec<(u8, Key)>, port: u16, tapped_port: u16, found: Sender<StopFrame>) -> anyhow::Result<()> {
+    let outside = UdpSocket::bind(("127.0.0.1", tapped_port))?;
     let inside = UdpSocket::bind("127.0.0.1:0")?;
-    inside.connect(("127.0.0.1", port(udp_base)))?;
     let (back_in, back_out) = (inside.try_clone()?, outside.try_clone()?);
     let (lab_known, lab) = channel();
     std::thread::spawn(move || {
@@ -262,14 +266,16 @@ fn tap(number: u8, key: Key, udp_base: u16, tapped_base: u16, found: Sender<Stop
             if last_lab.replace(from) != Some(from) && lab_known.send(from).is_err() {
                 return;
             }
-            if let Ok(frame) = decode_for(bytes, number, &key)
-                && let Payload::Command(command) = frame.payload
-                && command.stop
-            {
-                // Nobody listens any more only when the test is over.
-                let _over = found.send(StopFrame { robot: number, at });
+            for (robot, key) in &robots {
+                if let Ok(frame) = decode_for(bytes, *robot, key)
+                    && let Payload::Command(command) = frame.payload
+                    && command.stop
+                {
+                    // Nobody listens any more only when the test is over.
+                    let _over = found.send(StopFrame { robot: *robot, at });
+                }
             }
-            let _lost = inside.send(bytes);
+            let _lost = inside.send_to(bytes, ("127.0.0.1", port));
         }
     });
     std::thread::spawn(move || {
