@@ -44,6 +44,27 @@ pub struct RobotHealth {
     pub bounded_estimate: bool,
 }
 
+/// What a robot does that is in no run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub enum RobotActivity {
+    /// On the way to its dock after a run.
+    DrivingHome,
+    /// At its dock.
+    Charging,
+}
+
+impl RobotActivity {
+    /// As in JSON and in the database.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::DrivingHome => "driving_home",
+            Self::Charging => "charging",
+        }
+    }
+}
+
 /// Measured on the robot link, from the robot to the laboratory.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -2,7 +2,7 @@
 
 use crate::arena::Arena;
 use crate::experiment::Experiment;
-use crate::health::{LinkQuality, RobotHealth};
+use crate::health::{LinkQuality, RobotActivity, RobotHealth};
 use crate::robot::LabRobot;
 use crate::run::{Fault, RunState};
 use serde::{Deserialize, Serialize};
@@ -154,4 +154,7 @@ pub struct RobotStatus {
     /// The robot says that it obeys a stop.
     #[serde(default)]
     pub stop_acknowledged: bool,
+    /// Absent in a run, and where there are no docks.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub activity: Option<RobotActivity>,
 }

@@ -5,6 +5,7 @@
 
 pub mod arena;
 pub mod diagnosis;
+pub mod docks;
 pub mod experiment;
 pub mod health;
 pub mod lab;

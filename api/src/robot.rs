@@ -1,6 +1,6 @@
 //! Robot description as it stands in `run.json` and in the laboratory's file.
 
-use crate::health::{LinkQuality, RobotHealth};
+use crate::health::{LinkQuality, RobotActivity, RobotHealth};
 use serde::{Deserialize, Serialize};
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -155,4 +155,7 @@ pub struct RobotView {
     pub health: Option<RobotHealth>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub link: Option<LinkQuality>,
+    /// Absent in a run, and where there are no docks.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub activity: Option<RobotActivity>,
 }

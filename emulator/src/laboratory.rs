@@ -10,6 +10,7 @@ use crate::plant::body::BodyError;
 use crate::plant::contents::{ContentsError, PlantContents};
 use crate::tracker::{TrackedPose, TrackerModel};
 use crate::unit::{Seat, Unit};
+use api::docks::Docks;
 use api::lab::LabDescription;
 use serde::{Deserialize, Serialize};
 
@@ -53,6 +54,8 @@ pub enum LaboratoryError {
     KeyMissing(u8),
     #[error("robot number {0} stands twice in the laboratory's file")]
     NumberTwice(u8),
+    #[error("there is a dock for {0:?}, but no such robot; name one of the laboratory's file")]
+    DockOfNobody(String),
     #[error(transparent)]
     Contents(#[from] ContentsError),
     #[error(transparent)]
@@ -93,6 +96,23 @@ impl Laboratory {
             hidden,
             tracker: TrackerModel::new(Noise::new(seed, u64::MAX)),
         })
+    }
+
+    /// Puts chargers on the floor.
+    ///
+    /// - Errors: a robot that is not here.
+    pub fn set_docks(&mut self, docks: &Docks) -> Result<(), LaboratoryError> {
+        for dock in &docks.docks {
+            let named = |unit: &&mut Unit| unit.robot().description.name == dock.robot;
+            let unit = self.units.iter_mut().find(named);
+            let unit = unit.ok_or_else(|| LaboratoryError::DockOfNobody(dock.robot.clone()))?;
+            unit.set_dock(Pose {
+                x_m: dock.pose.x_m,
+                y_m: dock.pose.y_m,
+                yaw_rad: dock.pose.yaw_rad,
+            });
+        }
+        Ok(())
     }
 
     pub fn units(&self) -> &[Unit] {

@@ -27,6 +27,9 @@ struct Settings {
     /// The laboratory's file, robopheus.lab/1.
     #[arg(long, env = "ROBOPHEUS_LAB")]
     lab: PathBuf,
+    /// Docks with chargers, robopheus.docks/1.
+    #[arg(long, env = "ROBOPHEUS_DOCKS")]
+    docks: Option<PathBuf>,
     /// Link keys, one per robot.
     #[arg(long, env = "ROBOPHEUS_KEYS")]
     keys: PathBuf,
@@ -99,6 +102,11 @@ fn main() -> anyhow::Result<()> {
     let keys = Keys::read(&settings.keys).with_context(|| format!("cannot use {}", settings.keys.display()))?;
     let hidden = settings.plant.as_deref().map_or_else(Hidden::reference, Hidden::read)?;
     let mut laboratory = Laboratory::new(&description, hidden, &keys, settings.seed)?;
+    if let Some(path) = &settings.docks {
+        let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+        let docks = serde_json::from_str(&text).with_context(|| format!("{} holds no docks", path.display()))?;
+        laboratory.set_docks(&docks)?;
+    }
     clock::catch_end_signals();
     let mut link = Link::bind(
         settings.bind,

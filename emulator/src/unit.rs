@@ -43,7 +43,12 @@ pub struct Unit {
     faults: Faults,
     clock: SkewedClock,
     random: Noise,
+    dock: Option<Pose>,
 }
+
+/// How far a robot may stand from its dock, and how much askew, so that the charger touches it.
+const DOCK_REACH_M: f64 = 0.06;
+const DOCK_REACH_RAD: f64 = 0.15;
 
 impl Unit {
     /// A robot on its shelf, switched on.
@@ -83,6 +88,7 @@ impl Unit {
             },
             faults: Faults::default(),
             random,
+            dock: None,
         })
     }
 
@@ -132,13 +138,31 @@ impl Unit {
             &mut self.random,
         )?;
         body.place(pose);
-        // Only the rack charges; a robot that comes from the floor keeps what it has.
+        // Only a charger charges; a robot that comes from the floor keeps what it has.
         body.battery.charge = body.battery.charge.min(self.body.battery.charge);
         self.sensors.carry_angles_over(&self.body);
         self.body = body;
         self.on_floor = true;
         self.firmware.put_down();
         Ok(())
+    }
+
+    /// There is a charger for this robot on the floor.
+    pub fn set_dock(&mut self, pose: Pose) {
+        self.dock = Some(pose);
+    }
+
+    /// On the rack, or at its dock.
+    pub fn is_on_charger(&self) -> bool {
+        if !self.on_floor {
+            return true;
+        }
+        self.dock.is_some_and(|dock| {
+            let pose = self.body.pose();
+            let askew_rad = (pose.yaw_rad - dock.yaw_rad).rem_euclid(std::f64::consts::TAU);
+            (pose.x_m - dock.x_m).hypot(pose.y_m - dock.y_m) <= DOCK_REACH_M
+                && askew_rad.min(std::f64::consts::TAU - askew_rad) <= DOCK_REACH_RAD
+        })
     }
 
     /// Takes the robot off the floor.
@@ -176,9 +200,9 @@ impl Unit {
         self.faults.seen_as = None;
     }
 
-    /// One firmware step; the voltages hold until the next. A robot on the rack charges, switched on or not.
+    /// One firmware step; the voltages hold until the next. A robot on a charger charges, switched on or not.
     pub fn step_firmware(&mut self, now_us: i64) {
-        if !self.on_floor {
+        if self.is_on_charger() {
             let step = Step {
                 dt_s: 1.0 / robot::firmware::RATE_HZ,
             };

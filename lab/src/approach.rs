@@ -1,4 +1,4 @@
-//! Robots drive themselves to their starts, through the same safety filter as the run.
+//! Robots drive themselves to their starts, or home, through the same safety filter as the run.
 
 use crate::commander::Still;
 use crate::lab::Lab;
@@ -8,7 +8,7 @@ use crate::loop_120hz::{LoopEnd, LoopResult, Setup};
 use crate::record::LogLevel;
 use crate::recorder::RecorderHandle;
 use crate::run::{self, Conclusion};
-use crate::safety::Ending;
+use crate::safety::{Ending, Signals};
 use crate::schedule::TICK_HZ;
 use api::experiment::Pose;
 use api::lab::Assignment;
@@ -19,7 +19,7 @@ use std::sync::Arc;
 
 /// Ticks of the approach are numbered from here, so that they are negative as everything before the start.
 pub const FIRST_TICK: i64 = -1_000_000;
-/// Robots that are not at their starts by then are carried there.
+/// Robots that are not where they should be by then are carried.
 const TIME_LIMIT_S: f64 = 40.0;
 
 /// What came of it.
@@ -28,6 +28,15 @@ pub enum Approach {
     Arrived(Vec<HeldPort>),
     /// They could not get there by themselves; the words say why.
     Stuck(Vec<HeldPort>, String),
+}
+
+/// Robots that drive to places of their own, all at once.
+pub(crate) struct Ride<'a> {
+    /// Robots and arena; the law and the targets of the experiment do not count.
+    pub assignment: &'a Assignment,
+    /// By robot of the assignment; one without a goal stands still.
+    pub goals: Vec<Option<Pose>>,
+    pub signals: Box<dyn Fn() -> Signals + Send>,
 }
 
 /// Drives all robots of the run from where they are seen to their starts.
@@ -39,9 +48,34 @@ pub async fn drive(
     assignment: &Assignment,
     lease: &Arc<Lease>,
     recorder: &RecorderHandle,
+    ports: Vec<HeldPort>,
+) -> Result<Approach, Conclusion> {
+    recorder.log(LogLevel::Info, "robots drive to their starts");
+    let starts = assignment.experiment.robots.iter();
+    let to_starts = Ride {
+        assignment,
+        goals: starts.map(|robot| Some(robot.start)).collect(),
+        signals: run::signals(lab, lease, recorder, assignment),
+    };
+    ride(lab, to_starts, recorder, ports).await
+}
+
+/// Drives robots from where they are seen to their goals, by `go_to_pose` through the safety filter.
+///
+/// - `ports`: in the order of the experiment.
+/// - Errors: what ended it before: a stop, a lost lease, a silent robot.
+pub(crate) async fn ride(
+    lab: &Arc<Lab>,
+    ride: Ride<'_>,
+    recorder: &RecorderHandle,
     mut ports: Vec<HeldPort>,
 ) -> Result<Approach, Conclusion> {
-    let team = match team(lab, assignment) {
+    let Ride {
+        assignment,
+        goals,
+        signals,
+    } = ride;
+    let team = match team(lab, assignment, &goals) {
         Ok(team) => team,
         Err(why) => return Ok(Approach::Stuck(ports, why)),
     };
@@ -56,7 +90,6 @@ pub async fn drive(
             return Err(conclusion);
         }
     };
-    recorder.log(LogLevel::Info, "robots drive to their starts");
     let setup = Setup {
         team,
         robots,
@@ -64,7 +97,7 @@ pub async fn drive(
         poses,
         telemetry,
         recorder: recorder.clone(),
-        signals: run::signals(lab, lease, recorder, assignment),
+        signals,
         duration_ticks: (TIME_LIMIT_S * TICK_HZ as f64).round() as i64,
         first_tick: FIRST_TICK,
         phase_us: lab.localisation.tick_phase_us(1e6 / TICK_HZ as f64),
@@ -84,13 +117,14 @@ fn names(assignment: &Assignment) -> Vec<String> {
     robots.map(|robot| robot.name.clone()).collect()
 }
 
-/// The experiment's robots with where they are as starts and their starts as goals.
-fn team(lab: &Lab, assignment: &Assignment) -> Result<Team, String> {
+/// The experiment's robots with where they are as starts, and these goals.
+fn team(lab: &Lab, assignment: &Assignment, goals: &[Option<Pose>]) -> Result<Team, String> {
     let mut experiment = assignment.experiment.clone();
     let mut targets = Vec::with_capacity(experiment.robots.len());
-    for (wanted, robot) in experiment.robots.iter_mut().zip(&assignment.robots) {
-        let Pose { x_m, y_m, yaw_rad } = wanted.start;
-        targets.push(json!({"robot": wanted.name, "x_m": x_m, "y_m": y_m, "yaw_rad": yaw_rad}));
+    for ((wanted, robot), goal) in experiment.robots.iter_mut().zip(&assignment.robots).zip(goals) {
+        if let Some(Pose { x_m, y_m, yaw_rad }) = goal {
+            targets.push(json!({"robot": wanted.name, "x_m": x_m, "y_m": y_m, "yaw_rad": yaw_rad}));
+        }
         let (pose, _) = lab
             .localisation
             .pose(robot.number)

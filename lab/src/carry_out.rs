@@ -20,12 +20,13 @@ use tokio::task::spawn_blocking;
 /// Holds the lease, records, lets `attempt` drive, and hands the files in. What cannot be handed in now is salvaged later.
 ///
 /// - `tell`: hears the phases `preparing` and `uploading`.
+/// - Returns how it ended.
 pub async fn carry_out(
     desk: &Desk,
     assignment: &Assignment,
     tell: impl Fn(&'static str),
     attempt: impl AsyncFnOnce(&Arc<Lease>, &RecorderHandle) -> Conclusion,
-) {
+) -> Conclusion {
     let (run_id, epoch) = (assignment.run_id, assignment.epoch);
     tracing::info!(run.id = %run_id, epoch, "run begins");
     tell("preparing");
@@ -51,11 +52,13 @@ pub async fn carry_out(
             }
             tell("uploading");
             deliver::deliver(desk, &deliver::Attempt { run_id, epoch, folder }, &conclusion, &lease).await;
+            conclusion
         }
         Err(error) => {
             let message = format!("The laboratory cannot write its record: {error}.");
             let conclusion = Conclusion::failed(Whose::Platform, "recorder_failed", message);
             deliver::report_end(desk, run_id, epoch, &conclusion, None, &lease).await;
+            conclusion
         }
     }
 }

@@ -1,6 +1,7 @@
 //! The laboratory's main loop: register, close what was left behind, take the next run.
 
 use crate::backoff::Backoff;
+use crate::homeward::WayHome;
 use crate::lab::Lab;
 use crate::ladder::Finding;
 use crate::rack;
@@ -22,6 +23,13 @@ const STATUS_PERIOD: Duration = Duration::from_secs(1);
 
 /// Takes and carries out runs until the process is to end.
 pub async fn keep_claiming(lab: Arc<Lab>) {
+    let mut home = None;
+    claim_runs(&lab, &mut home).await;
+    end(&mut home).await;
+}
+
+/// - `home`: robots of the last run on their way home, while the next run is looked for.
+async fn claim_runs(lab: &Arc<Lab>, home: &mut Option<WayHome>) {
     let mut backoff = Backoff::default();
     let mut latch = lab.latch.subscribe();
     while !lab.desk.shutdown.is_requested() {
@@ -31,13 +39,16 @@ pub async fn keep_claiming(lab: Arc<Lab>) {
             () = lab.desk.shutdown.requested() => return,
             // While stopped nothing is claimed; a press during a claim abandons it, and its lease runs out unused.
             _ = latch.wait_for(|now_pressed| *now_pressed != pressed) => continue,
-            next = next_run(&lab), if !pressed => next,
+            next = next_run(lab), if !pressed => next,
         };
         match next {
             Ok(assignment) => {
                 backoff.reset();
-                if let Some(assignment) = assignment.filter(|assignment| is_fit(&lab, assignment)) {
-                    run::run(&lab, assignment).await;
+                if let Some(assignment) = assignment.filter(|assignment| is_fit(lab, assignment)) {
+                    // Two loops on one floor would not know of each other.
+                    end(home).await;
+                    let conclusion = run::run(lab, &assignment).await;
+                    *home = WayHome::begin(lab, &assignment, &conclusion);
                 }
             }
             Err(error) => {
@@ -50,6 +61,12 @@ pub async fn keep_claiming(lab: Arc<Lab>) {
                 }
             }
         }
+    }
+}
+
+async fn end(home: &mut Option<WayHome>) {
+    if let Some(home) = home.take() {
+        home.end().await;
     }
 }
 

@@ -18,6 +18,9 @@ pub struct Config {
     /// Description of the laboratory, `robopheus.lab/1`.
     #[arg(long, env = "ROBOPHEUS_LAB")]
     pub lab: PathBuf,
+    /// Docks of robots, `robopheus.docks/1`: robots of a finished run drive home. Without, they stay where they stopped.
+    #[arg(long, env = "ROBOPHEUS_DOCKS")]
+    pub docks: Option<PathBuf>,
     /// Keys of the robot link by robot number.
     #[arg(long, env = "ROBOPHEUS_KEYS")]
     pub keys: PathBuf,

@@ -2,19 +2,21 @@
 
 use crate::config::Config;
 use crate::desk::{Desk, DeskPlaces};
+use crate::docks::Docks;
 use crate::epochs::EpochBook;
 use crate::hub;
 use crate::link::{Link, RobotLink};
 use crate::link_statistics::LinkStatistics;
 use crate::localisation::{Localisation, Source};
+use crate::pose_frame::SeenPose;
 use crate::stop_latch::StopLatch;
 use crate::stop_port::{StateSource, StopState};
 use anyhow::{Context, Result, bail};
-use api::health::{LinkQuality, RobotHealth};
+use api::health::{LinkQuality, RobotActivity, RobotHealth};
 use api::lab::{LabDescription, LabStatus, RobotStatus};
 use robot::key::Key;
 use robot::medium::MediumProfile;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::net::ToSocketAddrs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
@@ -33,11 +35,17 @@ pub struct Lab {
     pub medium: &'static MediumProfile,
     pub localisation: Arc<Localisation>,
     pub hand: PathBuf,
+    pub docks: Docks,
     pub book: Arc<Mutex<EpochBook>>,
     /// The service knows this laboratory.
     pub registered: AtomicBool,
     activity: Mutex<Option<Activity>>,
+    /// Numbers of the robots that are on their way home.
+    homeward: Mutex<BTreeSet<u8>>,
 }
+
+/// A robot that was not seen for longer stands on no floor.
+const SEEN_US: i64 = 500_000;
 
 /// What is going on in the arena.
 #[derive(Debug, Clone, Copy)]
@@ -61,6 +69,8 @@ impl Lab {
         if description.format != "robopheus.lab/1" {
             bail!("{} is not robopheus.lab/1", config.lab.display());
         }
+        let docks = config.docks.as_deref().map(|path| Docks::read(path, &description));
+        let docks = docks.transpose()?.unwrap_or_default();
         let mut book = EpochBook::open(&folder.join("epochs.json")).context("read the epochs of the robots")?;
         let host = (config.robot_host.as_str(), config.robot_udp_base);
         let base = host
@@ -85,6 +95,8 @@ impl Lab {
             book: Arc::new(Mutex::new(book)),
             registered: AtomicBool::new(false),
             activity: Mutex::default(),
+            homeward: Mutex::default(),
+            docks,
             description,
             desk,
         }))
@@ -100,6 +112,38 @@ impl Lab {
         *self.activity.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Says which robots are on their way home.
+    pub(crate) fn set_homeward(&self, robots: BTreeSet<u8>) {
+        *self.homeward.lock().unwrap_or_else(PoisonError::into_inner) = robots;
+    }
+
+    /// The robot is on its way home.
+    pub fn is_homeward(&self, number: u8) -> bool {
+        let homeward = self.homeward.lock().unwrap_or_else(PoisonError::into_inner);
+        homeward.contains(&number)
+    }
+
+    /// Where the robot stands on the floor; none when nobody sees it.
+    pub(crate) fn seen(&self, number: u8) -> Option<SeenPose> {
+        let (pose, age_us) = self.localisation.pose(number)?;
+        (age_us < SEEN_US).then_some(pose)
+    }
+
+    /// The robot stands at its dock.
+    pub fn is_docked(&self, number: u8) -> bool {
+        self.seen(number).is_some_and(|pose| self.docks.is_home(number, &pose))
+    }
+
+    fn robot_activity(&self, robot: &RobotLink) -> Option<RobotActivity> {
+        if self.is_homeward(robot.number) {
+            Some(RobotActivity::DrivingHome)
+        } else if !robot.is_held() && self.is_docked(robot.number) {
+            Some(RobotActivity::Charging)
+        } else {
+            None
+        }
+    }
+
     /// Robots' health, by number.
     pub fn robots(&self) -> Vec<RobotStatus> {
         let status = |robot: &Arc<RobotLink>| RobotStatus {
@@ -109,6 +153,7 @@ impl Lab {
             health: robot_health(robot),
             link: robot.health().map(|_| link_quality(&robot.statistics())),
             stop_acknowledged: robot.has_stopped(),
+            activity: self.robot_activity(robot),
         };
         self.link.robots().map(status).collect()
     }

@@ -92,6 +92,11 @@ impl Finding {
         }
     }
 
+    /// Charging is the remedy.
+    pub fn is_of_battery(self) -> bool {
+        matches!(self, Self::BatteryLow | Self::BatteryCritical | Self::BatteryEmpty)
+    }
+
     /// Of the fault that a run ends with.
     pub fn code(self) -> &'static str {
         match self {

@@ -48,6 +48,16 @@ impl Lease {
         self.cancel.load(Ordering::Acquire)
     }
 
+    /// Asks for the end from within this process.
+    pub fn cancel(&self) {
+        self.cancel.store(true, Ordering::Release);
+    }
+
+    /// Another one has the right to act.
+    pub fn set_stale(&self) {
+        self.stale.store(true, Ordering::Release);
+    }
+
     /// The service says that another attempt is current.
     pub fn is_stale(&self) -> bool {
         self.stale.load(Ordering::Acquire)

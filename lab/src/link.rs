@@ -241,6 +241,11 @@ impl RobotLink {
         lock(&self.port).take().map(HeldPort)
     }
 
+    /// A run, or the way home, has the right to send.
+    pub fn is_held(&self) -> bool {
+        lock(&self.port).is_none()
+    }
+
     fn put_port(&self, port: RobotPort) {
         *lock(&self.port) = Some(port);
     }

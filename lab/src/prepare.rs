@@ -79,16 +79,18 @@ impl Keeper {
 
 /// Brings the robots to their starts and waits until they are ready: those on the floor drive, the others are carried.
 ///
+/// - `parked`: robots of no run that stay where they are.
 /// - `ports`: of the run's robots, in the order of the experiment; they come back.
 pub async fn prepare(
     lab: &Arc<Lab>,
     assignment: &Assignment,
+    parked: &[u8],
     lease: &Arc<Lease>,
     recorder: &RecorderHandle,
     ports: Vec<HeldPort>,
 ) -> Result<Vec<HeldPort>, Conclusion> {
     let mut keeper = run::keep(lab, ports)?;
-    if gather(lab, assignment, lease, recorder).await? {
+    if gather(lab, assignment, parked, lease, recorder).await? {
         wait_ready(lab, assignment, lease, Place::Anywhere).await?;
         if !all_at_starts(lab, assignment) {
             let (ports, stuck) = match approach::drive(lab, assignment, lease, recorder, keeper.stop()).await? {
@@ -99,7 +101,7 @@ pub async fn prepare(
             let left = stuck.or_else(|| (!all_at_starts(lab, assignment)).then(|| "they stopped elsewhere".to_owned()));
             if let Some(why) = left {
                 recorder.log(LogLevel::Warning, format!("robots are carried to their starts: {why}"));
-                place(lab, assignment, lease, recorder).await?;
+                place(lab, assignment, parked, lease, recorder).await?;
             }
         }
     }
@@ -110,7 +112,7 @@ pub async fn prepare(
 
 /// Where robots must be.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Place {
+pub(crate) enum Place {
     Anywhere,
     Start,
 }
@@ -121,6 +123,7 @@ enum Place {
 async fn gather(
     lab: &Lab,
     assignment: &Assignment,
+    parked: &[u8],
     lease: &Lease,
     recorder: &RecorderHandle,
 ) -> Result<bool, Conclusion> {
@@ -128,7 +131,8 @@ async fn gather(
     let standing: Vec<u8> = numbers.filter(|number| is_seen(lab, *number)).collect();
     if !standing.is_empty() {
         let missing = placements(assignment, &standing);
-        match hand::place(&lab.hand, &missing, &standing).await {
+        let keep: Vec<u8> = standing.iter().chain(parked).copied().collect();
+        match hand::place(&lab.hand, &missing, &keep).await {
             Ok(()) => return Ok(true),
             // A start may be taken by a robot that is to go elsewhere: then that one is carried as well.
             Err(error) => recorder.log(
@@ -137,7 +141,7 @@ async fn gather(
             ),
         }
     }
-    place(lab, assignment, lease, recorder).await?;
+    place(lab, assignment, parked, lease, recorder).await?;
     Ok(false)
 }
 
@@ -170,7 +174,12 @@ fn all_at_starts(lab: &Lab, assignment: &Assignment) -> bool {
     })
 }
 
-async fn wait_ready(lab: &Lab, assignment: &Assignment, lease: &Lease, place: Place) -> Result<(), Conclusion> {
+pub(crate) async fn wait_ready(
+    lab: &Lab,
+    assignment: &Assignment,
+    lease: &Lease,
+    place: Place,
+) -> Result<(), Conclusion> {
     let deadline = Instant::now() + TIME_LIMIT;
     let mut settled_since: Option<Instant> = None;
     loop {
@@ -198,11 +207,17 @@ async fn wait_ready(lab: &Lab, assignment: &Assignment, lease: &Lease, place: Pl
 }
 
 /// Has the hand put all robots of the run at their starts.
-async fn place(lab: &Lab, assignment: &Assignment, lease: &Lease, recorder: &RecorderHandle) -> Result<(), Conclusion> {
+async fn place(
+    lab: &Lab,
+    assignment: &Assignment,
+    parked: &[u8],
+    lease: &Lease,
+    recorder: &RecorderHandle,
+) -> Result<(), Conclusion> {
     let deadline = Instant::now() + TIME_LIMIT;
     let placements = placements(assignment, &[]);
     loop {
-        let error = match hand::place(&lab.hand, &placements, &[]).await {
+        let error = match hand::place(&lab.hand, &placements, parked).await {
             Ok(()) => return Ok(()),
             Err(error) => error,
         };
@@ -218,7 +233,8 @@ async fn place(lab: &Lab, assignment: &Assignment, lease: &Lease, recorder: &Rec
     }
 }
 
-fn is_at(pose: &SeenPose, start: &Pose) -> bool {
+/// Within the tolerances of a start.
+pub(crate) fn is_at(pose: &SeenPose, start: &Pose) -> bool {
     let distance_m = f64::hypot(pose.x_m - start.x_m, pose.y_m - start.y_m);
     let angle_rad = wrap_rad(pose.yaw_rad - start.yaw_rad).abs();
     // Written so that a pose that is not a number is off, too.

@@ -99,6 +99,22 @@ impl Recorder {
         watchers: broadcast::Sender<LiveFrame>,
         hub: Arc<Hub>,
     ) -> io::Result<Self> {
+        Self::start_with(folder, first, live, watchers, Some(hub))
+    }
+
+    /// As [`Self::start`], for motion that is no run: there is a journal, and nobody watches or follows.
+    pub fn start_unwatched(folder: &Path, first: Record) -> io::Result<Self> {
+        let nobody = LivePicture::new(uuid::Uuid::nil(), 0, &[]);
+        Self::start_with(folder, first, nobody, broadcast::Sender::new(1), None)
+    }
+
+    fn start_with(
+        folder: &Path,
+        first: Record,
+        live: LivePicture,
+        watchers: broadcast::Sender<LiveFrame>,
+        hub: Option<Arc<Hub>>,
+    ) -> io::Result<Self> {
         let mut journal = JournalWriter::create(folder)?;
         journal.push(&first)?;
         journal.flush()?;
@@ -108,8 +124,10 @@ impl Recorder {
             dropped: Arc::default(),
             failed: Arc::default(),
         };
-        hub.begin(handle.clone());
-        hub.publish(&first);
+        if let Some(hub) = &hub {
+            hub.begin(handle.clone());
+            hub.publish(&first);
+        }
         let writer = Writer {
             journal,
             live,
@@ -145,7 +163,8 @@ struct Writer {
     journal: JournalWriter,
     live: LivePicture,
     watchers: broadcast::Sender<LiveFrame>,
-    hub: Arc<Hub>,
+    /// None when nobody follows.
+    hub: Option<Arc<Hub>>,
     dropped: Arc<AtomicU64>,
 }
 
@@ -180,7 +199,9 @@ impl Writer {
         match message {
             Message::Record(record) => {
                 self.journal.push(&record)?;
-                self.hub.publish(&record);
+                if let Some(hub) = &self.hub {
+                    hub.publish(&record);
+                }
                 if let Some(frame) = self.live.take(&record) {
                     // No watcher is not an error.
                     let _watchers = self.watchers.send(frame);
@@ -191,8 +212,10 @@ impl Writer {
                 end.records_dropped = self.dropped.load(Ordering::Relaxed);
                 let end = Record::End(end);
                 self.journal.push(&end)?;
-                self.hub.publish(&end);
-                self.hub.end();
+                if let Some(hub) = &self.hub {
+                    hub.publish(&end);
+                    hub.end();
+                }
                 self.journal.flush()?;
                 Ok(true)
             }

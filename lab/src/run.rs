@@ -9,6 +9,7 @@ use crate::lease::Lease;
 use crate::link::HeldPort;
 use crate::loop_120hz::{self, LoopEnd, LoopResult, Setup};
 use crate::medium;
+use crate::parked::Parked;
 use crate::pilot::PilotRobot;
 use crate::prepare::{self, Keeper};
 use crate::record::LogLevel;
@@ -56,18 +57,24 @@ pub fn outside_ending(lab: &Lab, lease: &Lease) -> Option<Conclusion> {
     Some(Conclusion::of(ending, &[]))
 }
 
-/// Carries a run out on the robots.
-pub async fn run(lab: &Arc<Lab>, assignment: Assignment) {
+/// Carries a run out on the robots; how it ended comes back once that is reported and the files are handed in.
+pub async fn run(lab: &Arc<Lab>, assignment: &Assignment) -> Conclusion {
     let run_id = assignment.run_id;
     let tell = |phase| lab.set_activity(Some(Activity { run_id, phase }));
-    let drive = async |lease: &Arc<Lease>, recorder: &RecorderHandle| attempt(lab, &assignment, lease, recorder).await;
-    carry_out(&lab.desk, &assignment, tell, drive).await;
+    let drive = async |lease: &Arc<Lease>, recorder: &RecorderHandle| attempt(lab, assignment, lease, recorder).await;
+    let conclusion = carry_out(&lab.desk, assignment, tell, drive).await;
     lab.set_activity(None);
+    conclusion
 }
 
 /// Everything that can move robots; returns when they are at rest.
 async fn attempt(lab: &Arc<Lab>, assignment: &Assignment, lease: &Arc<Lease>, recorder: &RecorderHandle) -> Conclusion {
-    match try_attempt(lab, assignment, lease, recorder).await {
+    let parked = Parked::beside(lab, assignment).await;
+    for robot in &parked.0 {
+        let message = format!("{} stays at its dock, an obstacle for the safety filter", robot.name);
+        recorder.log(LogLevel::Info, message);
+    }
+    match try_attempt(lab, &parked.with(assignment), &parked.numbers(), lease, recorder).await {
         Ok(conclusion) | Err(conclusion) => conclusion,
     }
 }
@@ -75,6 +82,7 @@ async fn attempt(lab: &Arc<Lab>, assignment: &Assignment, lease: &Arc<Lease>, re
 async fn try_attempt(
     lab: &Arc<Lab>,
     assignment: &Assignment,
+    parked: &[u8],
     lease: &Arc<Lease>,
     recorder: &RecorderHandle,
 ) -> Result<Conclusion, Conclusion> {
@@ -83,7 +91,7 @@ async fn try_attempt(
     let ports = take_ports(lab, assignment)?;
     let grouped = ports.len() > 1 && ports.iter().all(|port| port.reads_groups());
     medium::check(lab.medium, ports.len(), TICK_HZ as f64, grouped)?;
-    let ports = prepare::prepare(lab, assignment, lease, recorder, ports).await?;
+    let ports = prepare::prepare(lab, assignment, parked, lease, recorder, ports).await?;
     let keeper = keep(lab, ports)?;
     let running = report_running(&lab.desk, assignment, || outside_ending(lab, lease)).await;
     // The keeper holds the robots still up to here; the loop takes over within milliseconds.

@@ -1,6 +1,7 @@
 //! The service as the laboratory sees it: a client of `/api/v1/lab`.
 
 use api::BASE_PATH;
+use api::arena::ArenaView;
 use api::lab::{
     Assignment, ClaimRequest, Heartbeat, HeartbeatReply, LabDescription, LabStatus, SalvageReport, StateReport,
 };
@@ -137,6 +138,13 @@ impl Service {
     /// Robots' health.
     pub async fn status(&self, status: &LabStatus) -> Result<(), ServiceError> {
         self.post("/lab/status", status, REQUEST_TIMEOUT).await.map(|_| ())
+    }
+
+    /// What an arena is doing; none when the service does not know it.
+    pub async fn arena(&self, name: &str) -> Result<Option<ArenaView>, ServiceError> {
+        let request = self.request(Method::GET, "/arenas").timeout(HEARTBEAT_TIMEOUT);
+        let arenas: Vec<ArenaView> = accepted(request.send().await?).await?.json().await?;
+        Ok(arenas.into_iter().find(|view| view.arena.name == name))
     }
 
     /// The next run, or none within the wait.

@@ -45,6 +45,7 @@ const ANY: &[Role] = &Role::ALL;
 const PEOPLE: &[Role] = &[Role::User, Role::Operator];
 const OPERATORS: &[Role] = &[Role::Operator];
 const LAB: &[Role] = &[Role::Lab];
+const PEOPLE_AND_LAB: &[Role] = &[Role::User, Role::Operator, Role::Lab];
 
 /// Every route of the API. What is not here is refused; static pages are outside the API and open.
 pub const RULES: &[Rule] = &[
@@ -64,7 +65,8 @@ pub const RULES: &[Rule] = &[
     rule("GET", "/api/v1/runs/{id}/archive", PEOPLE),
     rule("GET", "/api/v1/runs/{id}/files/{*name}", PEOPLE),
     rule("GET", "/api/v1/robots", PEOPLE),
-    rule("GET", "/api/v1/arenas", PEOPLE),
+    // Laboratories ask whether their arena is anybody's before robots drive home.
+    rule("GET", "/api/v1/arenas", PEOPLE_AND_LAB),
     rule("GET", "/api/v1/robots/{robot}/model", PEOPLE),
     // What changes the twin that everybody's experiments are checked with is for operators.
     rule("PUT", "/api/v1/robots/{robot}/model", OPERATORS),

@@ -89,17 +89,17 @@ impl Store {
         let columns = HealthColumns::of(&status.robots);
         sqlx::query(
             "INSERT INTO robot_status (arena, name, online, bus_v, battery, rest_v, stalled, sensor_fault, bounded_estimate,
-                loss_share, delay_p50_ms, delay_p95_ms, jitter_ms, seen_at)
+                loss_share, delay_p50_ms, delay_p95_ms, jitter_ms, activity, seen_at)
              SELECT DISTINCT ON (r.name) $1, r.name, n.online, n.bus_v, n.battery, n.rest_v, n.stalled, n.sensor_fault, n.bounded_estimate,
-                n.loss_share, n.delay_p50_ms, n.delay_p95_ms, n.jitter_ms, clock_timestamp()
+                n.loss_share, n.delay_p50_ms, n.delay_p95_ms, n.jitter_ms, n.activity, clock_timestamp()
              FROM unnest($2::text[], $3::bool[], $4::float8[], $5::text[], $6::float8[], $7::bool[], $8::bool[], $9::bool[],
-                $10::float8[], $11::float8[], $12::float8[], $13::float8[])
-                n(name, online, bus_v, battery, rest_v, stalled, sensor_fault, bounded_estimate, loss_share, delay_p50_ms, delay_p95_ms, jitter_ms)
+                $10::float8[], $11::float8[], $12::float8[], $13::float8[], $14::text[])
+                n(name, online, bus_v, battery, rest_v, stalled, sensor_fault, bounded_estimate, loss_share, delay_p50_ms, delay_p95_ms, jitter_ms, activity)
              JOIN robots r ON r.arena = $1 AND r.name = n.name ORDER BY r.name
              ON CONFLICT (arena, name) DO UPDATE SET online = excluded.online, bus_v = excluded.bus_v, battery = excluded.battery,
                 rest_v = excluded.rest_v, stalled = excluded.stalled, sensor_fault = excluded.sensor_fault,
                 bounded_estimate = excluded.bounded_estimate, loss_share = excluded.loss_share, delay_p50_ms = excluded.delay_p50_ms,
-                delay_p95_ms = excluded.delay_p95_ms, jitter_ms = excluded.jitter_ms, seen_at = excluded.seen_at",
+                delay_p95_ms = excluded.delay_p95_ms, jitter_ms = excluded.jitter_ms, activity = excluded.activity, seen_at = excluded.seen_at",
         )
         .bind(&status.arena)
         .bind(names)
@@ -114,6 +114,7 @@ impl Store {
         .bind(columns.delay_p50_ms)
         .bind(columns.delay_p95_ms)
         .bind(columns.jitter_ms)
+        .bind(columns.activity)
         .execute(&mut *transaction)
         .await?;
         transaction.commit().await?;
@@ -126,7 +127,7 @@ impl Store {
             "SELECT r.arena, r.name, r.document::text AS document,
                 coalesce(s.seen_at > clock_timestamp() - make_interval(secs => $1), false) AS heard,
                 coalesce(s.online, false) AS online, s.bus_v, s.battery, s.rest_v, s.stalled, s.sensor_fault, s.bounded_estimate,
-                s.loss_share, s.delay_p50_ms, s.delay_p95_ms, s.jitter_ms,
+                s.loss_share, s.delay_p50_ms, s.delay_p95_ms, s.jitter_ms, s.activity,
                 robot_unfit_reason(s.battery, s.stalled, s.sensor_fault) AS unfit,
                 EXISTS (SELECT FROM leases l JOIN runs c ON c.id = l.run_id WHERE l.arena = r.arena AND l.side = 'physical' AND r.name = ANY(c.robot_names)) AS leased
              FROM robots r LEFT JOIN robot_status s ON s.arena = r.arena AND s.name = r.name ORDER BY r.arena, r.number",
@@ -221,6 +222,10 @@ impl RobotRow {
             message: message.map(str::to_owned),
             health: self.health.health(),
             link: self.health.link(),
+            activity: self
+                .health
+                .activity()
+                .filter(|_| self.heard && self.online && !self.leased),
             bus_v: self.bus_v,
         })
     }

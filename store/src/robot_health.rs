@@ -1,6 +1,6 @@
 //! A robot's health in the database: columns side by side, null as one.
 
-use api::health::{BatteryLevel, LinkQuality, RobotHealth};
+use api::health::{BatteryLevel, LinkQuality, RobotActivity, RobotHealth};
 use api::lab::RobotStatus;
 
 /// The columns of `robot_status`.
@@ -15,6 +15,7 @@ pub(crate) struct HealthRow {
     delay_p50_ms: Option<f64>,
     delay_p95_ms: Option<f64>,
     jitter_ms: Option<f64>,
+    activity: Option<String>,
 }
 
 impl HealthRow {
@@ -35,6 +36,12 @@ impl HealthRow {
             delay_p95_ms: self.delay_p95_ms?,
             jitter_ms: self.jitter_ms?,
         })
+    }
+
+    pub(crate) fn activity(&self) -> Option<RobotActivity> {
+        let text = self.activity.as_deref()?;
+        let all = [RobotActivity::DrivingHome, RobotActivity::Charging];
+        all.into_iter().find(|activity| activity.as_str() == text)
     }
 }
 
@@ -60,13 +67,17 @@ pub(crate) struct HealthColumns {
     pub(crate) delay_p50_ms: Vec<Option<f64>>,
     pub(crate) delay_p95_ms: Vec<Option<f64>>,
     pub(crate) jitter_ms: Vec<Option<f64>>,
+    pub(crate) activity: Vec<Option<&'static str>>,
 }
 
 impl HealthColumns {
     /// In the order of `robots`.
     pub(crate) fn of(robots: &[RobotStatus]) -> Self {
         let mut columns = Self::default();
-        for RobotStatus { health, link, .. } in robots {
+        for RobotStatus {
+            health, link, activity, ..
+        } in robots
+        {
             columns.battery.push(health.map(|health| health.battery.as_str()));
             columns.rest_v.push(health.map(|health| health.rest_v));
             columns.stalled.push(health.map(|health| health.stalled));
@@ -78,6 +89,7 @@ impl HealthColumns {
             columns.delay_p50_ms.push(link.map(|link| link.delay_p50_ms));
             columns.delay_p95_ms.push(link.map(|link| link.delay_p95_ms));
             columns.jitter_ms.push(link.map(|link| link.jitter_ms));
+            columns.activity.push(activity.map(RobotActivity::as_str));
         }
         columns
     }

@@ -3,11 +3,13 @@
 mod archive;
 mod bare_loop;
 mod browser;
+mod laboratory;
 mod system;
 
 pub use archive::{Archive, ParquetSummary};
 pub use bare_loop::{BareLoop, BareTicks};
 pub use browser::Browser;
+pub use laboratory::{ask_hand, ask_stop_port};
 pub use system::{System, repository};
 
 use std::time::{Duration, Instant};

@@ -70,11 +70,11 @@ impl System {
             http,
             base: String::new(),
         };
-        system.wait_until_ready().await?;
+        system.wait_until_ready(!flags.contains(&"--no-lab")).await?;
         Ok(system)
     }
 
-    async fn wait_until_ready(&mut self) -> anyhow::Result<()> {
+    async fn wait_until_ready(&mut self, with_lab: bool) -> anyhow::Result<()> {
         let start = Instant::now();
         loop {
             if let Some(status) = self.up.try_wait()? {
@@ -90,7 +90,7 @@ impl System {
                 if let Ok(arenas) = self.get("/api/v1/arenas").await
                     && arenas
                         .as_array()
-                        .is_some_and(|all| all.iter().any(|arena| arena["state"] == "free"))
+                        .is_some_and(|all| !with_lab || all.iter().any(|arena| arena["state"] == "free"))
                 {
                     return Ok(());
                 }
@@ -120,6 +120,16 @@ impl System {
     /// Sends a signal to one of the processes.
     pub fn signal(&self, name: &str, number: i32) -> anyhow::Result<()> {
         signal(self.pid(name)?, number)
+    }
+
+    /// Sends a signal to one of the processes and to its children, which a database server has many of.
+    pub fn signal_all(&self, name: &str, number: i32) -> anyhow::Result<()> {
+        let parent = self.pid(name)?;
+        for child in children(parent) {
+            // One that has just ended needs no signal.
+            let _ended = signal(child, number);
+        }
+        signal(parent, number)
     }
 
     /// SIGKILL, without any chance to tidy up.
@@ -266,6 +276,19 @@ fn up_program() -> anyhow::Result<PathBuf> {
         .map(|folder| folder.join("xtask"))
         .find(|path| path.is_file());
     found.context("no program xtask beside the tests: run them with `cargo xtask test`")
+}
+
+/// Processes that this one started.
+fn children(parent: i32) -> Vec<i32> {
+    let all = std::fs::read_dir("/proc").into_iter().flatten().flatten();
+    let numbers = all.filter_map(|entry| entry.file_name().to_str()?.parse::<i32>().ok());
+    let is_child = |pid: &i32| {
+        let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
+        // "pid (name) state parent ..."; a name may hold anything but ends at the last bracket.
+        let fields = stat.rsplit_once(')').map_or("", |(_, fields)| fields);
+        fields.split_whitespace().nth(1) == Some(&parent.to_string())
+    };
+    numbers.filter(is_child).collect()
 }
 
 #[allow(unsafe_code)] // kill(2) has no safe wrapper in std

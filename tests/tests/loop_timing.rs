@@ -102,7 +102,7 @@ async fn measure(system: &System, what: &str, loaded: bool, limit_ms: f64) -> an
     let (late_ms, sleep_ms) = (figure("late_p99_ms")?, figure("sleep_late_p99_ms")?);
     let bunched = jitter["bunched"].as_u64().context("bunched")?;
     println!(
-        "{what}: late p50 {:.3} p99 {late_ms:.3} most {:.3} ms; plain sleep p99 {sleep_ms:.3} ms, ratio {:.2}; {} ticks missed, {bunched} bunched; \
+        "S12 {what}: late p50 {:.3} p99 {late_ms:.3} most {:.3} ms; plain sleep p99 {sleep_ms:.3} ms, ratio {:.2}; {} ticks missed, {bunched} bunched; \
          {:.1} MB to readers",
         figure("late_p50_ms")?,
         figure("late_max_ms")?,

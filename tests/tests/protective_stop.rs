@@ -1,54 +1,25 @@
-//! The protective stop on real processes, without service and database, with frames lost.
+//! The protective stop on real processes, without service and database, with frames lost and robots at rest; with robots that drive:
+//! `driving_stop.rs`.
 
 mod stop_rig;
 
 use anyhow::ensure;
-use std::collections::BTreeMap;
-use std::time::{Duration, Instant};
-use stop_rig::{StopFrame, StopRig};
+use std::time::Duration;
+use stop_rig::StopRig;
 
 /// From the press to the first stop frame of every robot, 99 of 100 presses.
 const FIRST_P99: Duration = Duration::from_millis(20);
 const LOSS: f64 = 0.3;
-const REPEATS: usize = 10;
-
-/// Time from the press to the moment when every robot's first stop frame had passed.
-fn press(rig: &StopRig) -> anyhow::Result<(Duration, Duration)> {
-    while rig.stops.try_recv().is_ok() {}
-    let (pressed, state) = rig.ask("POST /stop")?;
-    ensure!(state["stopped"] == true, "{state}");
-    let mut seen: BTreeMap<u8, Vec<Instant>> = BTreeMap::new();
-    let enough = |seen: &BTreeMap<u8, Vec<Instant>>| {
-        seen.len() == rig.numbers.len() && seen.values().all(|times| times.len() >= REPEATS)
-    };
-    while !enough(&seen) {
-        let StopFrame { robot, at } = rig.stops.recv_timeout(Duration::from_secs(2))?;
-        seen.entry(robot).or_default().push(at);
-        ensure!(pressed.elapsed() < Duration::from_secs(5), "{} robots", seen.len());
-    }
-    let first = seen.values().filter_map(|times| times.first()).max().copied();
-    let gaps = seen
-        .values()
-        .flat_map(|times| times.windows(2).map(|pair| pair[1] - pair[0]));
-    Ok((
-        first.map_or(Duration::MAX, |first| first - pressed),
-        gaps.max().unwrap_or_default(),
-    ))
-}
 
 fn presses(name: &str, count: usize) -> anyhow::Result<()> {
     let mut rig = StopRig::start(name)?;
     rig.lose_frames(LOSS)?;
     let (mut firsts, mut gaps) = (Vec::new(), Vec::new());
     for _ in 0..count {
-        let (first, gap) = press(&rig)?;
-        firsts.push(first);
-        gaps.push(gap);
-        rig.until("every robot says that it stopped", |state| {
-            state["robots"]
-                .as_array()
-                .is_some_and(|robots| robots.iter().all(|robot| robot["stop_acknowledged"] == true))
-        })?;
+        let press = rig.press()?;
+        firsts.push(press.first);
+        gaps.push(press.gap);
+        rig.until_obeyed()?;
         let (_, state) = rig.ask("POST /clear")?;
         ensure!(state["stopped"] == false, "{state}");
     }
@@ -56,7 +27,7 @@ fn presses(name: &str, count: usize) -> anyhow::Result<()> {
     gaps.sort();
     let at = |times: &[Duration], share: f64| times[((share * times.len() as f64).ceil() as usize).max(1) - 1];
     println!(
-        "{count} presses, {} robots, {:.0} % of frames lost: first stop frame p50 {:?} p99 {:?} most {:?}; between two at most {:?}",
+        "S10 {name}: {count} presses, {} robots at rest, {:.0} % of frames lost: first stop frame p50 {:?} p99 {:?} most {:?}; between two at most {:?}",
         rig.numbers.len(),
         100.0 * LOSS,
         at(&firsts, 0.5),
@@ -68,7 +39,7 @@ fn presses(name: &str, count: usize) -> anyhow::Result<()> {
     ensure!(p99 <= FIRST_P99, "p99 {p99:?} of {count} presses");
 
     // Latched over a crash; cleared by nothing but a clear, which the audit log has.
-    press(&rig)?;
+    rig.press()?;
     rig.kill_lab()?;
     rig.start_lab()?;
     let (_, state) = rig.ask("GET /state")?;

@@ -58,7 +58,7 @@ enum Verb {
     Wasm,
     /// Start everything, run one experiment from submission to archive
     Smoke,
-    /// What `test` does, at full counts and on real logs (ROBOPHEUS_REAL_LOGS)
+    /// Rows of the reliability goals at full count; without a row also what `test` does, on real logs (ROBOPHEUS_REAL_LOGS)
     Soak(soak::SoakArguments),
     /// Benchmarks: speed and memory of the twin
     Bench(bench::BenchArguments),

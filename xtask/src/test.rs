@@ -166,6 +166,6 @@ pub fn export_own_program(command: &mut Command) -> Result<()> {
     Ok(())
 }
 
-fn has_nextest() -> bool {
+pub fn has_nextest() -> bool {
     paths::on_path("cargo-nextest").is_some()
 }

@@ -42,6 +42,9 @@ pub struct UpArguments {
     /// Let a tracker tell the robots' poses instead of cameras
     #[arg(long)]
     pub tracker: bool,
+    /// Docks: robots of a finished run drive home and charge (for example examples/lab/docks.json)
+    #[arg(long)]
+    pub docks: Option<PathBuf>,
     /// Write down when robots applied commands (logs/applied.csv)
     #[arg(long, hide = true)]
     pub measure: bool,
@@ -81,7 +84,7 @@ pub fn up(arguments: &UpArguments) -> Result<End> {
         (Some(binaries), None) => Some(Cluster::prepare(binaries, &data, Durability::Safe)?),
         _ => None,
     };
-    let programs = Programs::new(&data, ports, cluster, own_database, Choice::of(arguments))?;
+    let programs = Programs::new(&data, ports, cluster, own_database, Choice::of(arguments)?)?;
     sys::catch_end_signals();
     serve(&data, &programs)
 }

@@ -124,6 +124,7 @@ impl World {
                 health: None,
                 link: None,
                 stop_acknowledged: false,
+                activity: None,
             })
             .collect();
         self.report_robots(stopped, robots).await;

@@ -57,6 +57,7 @@ async fn a_status_of_an_unknown_laboratory_is_refused() {
         health: None,
         link: None,
         stop_acknowledged: false,
+        activity: None,
     };
     let status = LabStatus {
         lab: "reference-lab".to_owned(),

@@ -26,6 +26,7 @@ fn robot(name: &str, health: Option<RobotHealth>) -> RobotStatus {
         health,
         link: health.map(|_| LINK),
         stop_acknowledged: false,
+        activity: None,
     }
 }
 
@@ -99,4 +100,37 @@ async fn a_robot_that_is_not_fit_gets_no_run_and_the_queue_says_why() {
     }
     world.report_robots(false, vec![robot(&name, Some(FINE))]).await;
     assert_eq!(world.preparing(LONG).await.run_id, run_id);
+}
+
+#[tokio::test]
+async fn what_a_robot_does_between_runs_comes_back_and_a_run_hides_it() {
+    use api::health::RobotActivity;
+    let world = world_with_lab().await;
+    let name = first();
+    for activity in [Some(RobotActivity::DrivingHome), Some(RobotActivity::Charging), None] {
+        let told = RobotStatus {
+            activity,
+            ..robot(&name, Some(FINE))
+        };
+        world.report_robots(false, vec![told.clone()]).await;
+        let views = world.store.robot_list().await.unwrap();
+        let seen = views.iter().find(|view| view.name == name).unwrap();
+        assert_eq!((seen.state.as_str(), seen.activity), ("idle", activity));
+        if activity.is_none() {
+            world.queued().await;
+            world.preparing(LONG).await;
+            world
+                .report_robots(
+                    false,
+                    vec![RobotStatus {
+                        activity: Some(RobotActivity::Charging),
+                        ..told
+                    }],
+                )
+                .await;
+            let views = world.store.robot_list().await.unwrap();
+            let seen = views.iter().find(|view| view.name == name).unwrap();
+            assert_eq!((seen.state.as_str(), seen.activity), ("leased", None));
+        }
+    }
 }

@@ -1,18 +1,22 @@
-//! An emulator and a laboratory as processes of their own, without service and database, and a tap on the robot link
-//! between them.
+//! An emulator and a laboratory as processes of their own, with a tap on the robot link between them; without a service, or
+//! with one that runs elsewhere.
+#![allow(dead_code, reason = "every test file uses its own part")]
+
+mod poses;
+
+pub use poses::PoseWatch;
 
 use anyhow::{Context, ensure};
 use robot::frame::{Payload, decode_for};
 use robot::key::Key;
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::collections::BTreeMap;
-use std::io::{BufRead, BufReader, Read, Write};
-use std::net::{SocketAddr, TcpStream, UdpSocket};
-use std::os::unix::net::UnixStream;
+use std::net::UdpSocket;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::{Duration, Instant};
+use system_tests::{ask_hand, ask_stop_port};
 
 const START_LIMIT: Duration = Duration::from_secs(30);
 
@@ -30,14 +34,40 @@ pub struct StopRig {
     folder: PathBuf,
     programs: PathBuf,
     tapped_base: u16,
+    service: Service,
     pub numbers: Vec<u8>,
     /// Stop frames in the order of their passing.
     pub stops: Receiver<StopFrame>,
 }
 
+/// Where the laboratory looks for runs.
+#[derive(Debug, Clone)]
+pub struct Service {
+    pub address: String,
+    pub token_file: PathBuf,
+}
+
+/// What became of a press.
+#[derive(Debug, Clone, Copy)]
+pub struct Press {
+    pub at: Instant,
+    /// Until the first stop frame of the last robot had passed.
+    pub first: Duration,
+    /// Longest time between two stop frames of a robot, among the first [`REPEATS`].
+    pub gap: Duration,
+}
+
+/// Stop frames that every robot gets at least, one a tick.
+pub const REPEATS: usize = 10;
+
 impl StopRig {
-    /// Starts both; all robots have answered.
+    /// Starts both, without a service; all robots have answered.
     pub fn start(name: &str) -> anyhow::Result<Self> {
+        Self::start_for(name, None)
+    }
+
+    /// As [`Self::start`], with runs from a service.
+    pub fn start_for(name: &str, service: Option<Service>) -> anyhow::Result<Self> {
         let folder = std::env::temp_dir().join(format!("robopheus-{name}-{}", std::process::id()));
         let _ = std::fs::remove_dir_all(&folder);
         std::fs::create_dir_all(&folder)?;
@@ -64,9 +94,19 @@ impl StopRig {
         let keys = keys(&folder.join("keys.json"))?;
         let (found, stops) = channel();
         for (number, key) in &keys {
-            tap(*number, *key, udp_base, tapped_base, found.clone())?;
+            let port = |base: u16| base + u16::from(*number);
+            tap(vec![(*number, *key)], port(udp_base), port(tapped_base), found.clone())?;
         }
+        // Groups go to the base itself.
+        let all = keys.iter().map(|(number, key)| (*number, *key)).collect();
+        tap(all, udp_base, tapped_base, found)?;
+        let nobody = Service {
+            // Nobody listens there.
+            address: "http://127.0.0.1:9".to_owned(),
+            token_file: folder.join("token"),
+        };
         let mut rig = Self {
+            service: service.unwrap_or(nobody),
             emulator,
             lab: None,
             folder,
@@ -83,10 +123,9 @@ impl StopRig {
     pub fn start_lab(&mut self) -> anyhow::Result<()> {
         let _ = std::fs::remove_file(self.folder.join("lab-stop.addr"));
         let lab = Command::new(self.programs.join("robopheus-lab"))
-            // Nobody listens there.
-            .args(["--server", "http://127.0.0.1:9"])
+            .args(["--server", &self.service.address])
             .arg("--token-file")
-            .arg(self.folder.join("token"))
+            .arg(&self.service.token_file)
             .arg("--lab")
             .arg(lab_file())
             .arg("--keys")
@@ -124,18 +163,52 @@ impl StopRig {
 
     /// A request to the stop port; when it was sent, and the state that came back.
     pub fn ask(&self, request: &str) -> anyhow::Result<(Instant, Value)> {
-        let address: SocketAddr = std::fs::read_to_string(self.folder.join("lab-stop.addr"))?
-            .trim()
-            .parse()?;
-        let mut stream = TcpStream::connect(address)?;
-        let text = format!("{request} HTTP/1.1\r\nHost: {address}\r\nContent-Length: 0\r\nConnection: close\r\n\r\n");
-        let sent = Instant::now();
-        stream.write_all(text.as_bytes())?;
-        let mut reply = String::new();
-        stream.read_to_string(&mut reply)?;
-        let (head, body) = reply.split_once("\r\n\r\n").context("no HTTP answer")?;
-        ensure!(head.starts_with("HTTP/1.1 200"), "{request}: {reply}");
-        Ok((sent, serde_json::from_str(body)?))
+        ask_stop_port(&self.folder, request)
+    }
+
+    /// Presses the stop and waits for [`REPEATS`] stop frames of every robot.
+    pub fn press(&self) -> anyhow::Result<Press> {
+        while self.stops.try_recv().is_ok() {}
+        let (at, state) = self.ask("POST /stop")?;
+        ensure!(state["stopped"] == true, "{state}");
+        let mut seen: BTreeMap<u8, Vec<Instant>> = BTreeMap::new();
+        let enough = |seen: &BTreeMap<u8, Vec<Instant>>| {
+            seen.len() == self.numbers.len() && seen.values().all(|times| times.len() >= REPEATS)
+        };
+        while !enough(&seen) {
+            let StopFrame { robot, at: passed } = self.stops.recv_timeout(Duration::from_secs(2))?;
+            seen.entry(robot).or_default().push(passed);
+            ensure!(at.elapsed() < Duration::from_secs(5), "{} robots", seen.len());
+        }
+        let first = seen.values().filter_map(|times| times.first()).max().copied();
+        let gaps = seen
+            .values()
+            .flat_map(|times| times.iter().take(REPEATS).zip(times.iter().take(REPEATS).skip(1)))
+            .map(|(one, next)| *next - *one);
+        Ok(Press {
+            at,
+            first: first.map_or(Duration::MAX, |first| first - at),
+            gap: gaps.max().unwrap_or_default(),
+        })
+    }
+
+    /// Waits until every robot says that it obeys the stop.
+    pub fn until_obeyed(&self) -> anyhow::Result<()> {
+        self.until("every robot says that it stopped", |state| {
+            state["robots"]
+                .as_array()
+                .is_some_and(|robots| robots.iter().all(|robot| robot["stop_acknowledged"] == true))
+        })
+    }
+
+    /// A request to the hand that puts robots on the floor.
+    pub fn hand(&self, request: &Value) -> anyhow::Result<()> {
+        ask_hand(&self.folder.join("hand.sock"), request)
+    }
+
+    /// Follows where the robots are.
+    pub fn watch_poses(&self) -> anyhow::Result<PoseWatch> {
+        PoseWatch::start(&self.folder.join("tracker.sock"))
     }
 
     /// Waits for a state of the stop port.
@@ -155,14 +228,7 @@ impl StopRig {
     /// Share of frames lost, each way, at every robot.
     pub fn lose_frames(&self, fraction: f64) -> anyhow::Result<()> {
         for number in &self.numbers {
-            let mut stream = UnixStream::connect(self.folder.join("hand.sock"))?;
-            writeln!(
-                stream,
-                r#"{{"fault":{{"number":{number},"kind":"drop_frames","fraction":{fraction}}}}}"#
-            )?;
-            let mut reply = String::new();
-            BufReader::new(stream).read_line(&mut reply)?;
-            ensure!(reply.contains("true"), "{reply}");
+            self.hand(&json!({"fault": {"number": number, "kind": "drop_frames", "fraction": fraction}}))?;
         }
         Ok(())
     }
@@ -183,12 +249,12 @@ impl Drop for StopRig {
     }
 }
 
-/// Passes frames of one robot on, both ways, and tells of those that stop it.
-fn tap(number: u8, key: Key, udp_base: u16, tapped_base: u16, found: Sender<StopFrame>) -> anyhow::Result<()> {
-    let port = |base: u16| base + u16::from(number);
-    let outside = UdpSocket::bind(("127.0.0.1", port(tapped_base)))?;
+/// Passes what comes to one port on, and the answers back, and tells of frames that stop a robot.
+///
+/// - `robots`: who is meant by frames that come to this port.
+fn tap(robots: Vec<(u8, Key)>, port: u16, tapped_port: u16, found: Sender<StopFrame>) -> anyhow::Result<()> {
+    let outside = UdpSocket::bind(("127.0.0.1", tapped_port))?;
     let inside = UdpSocket::bind("127.0.0.1:0")?;
-    inside.connect(("127.0.0.1", port(udp_base)))?;
     let (back_in, back_out) = (inside.try_clone()?, outside.try_clone()?);
     let (lab_known, lab) = channel();
     std::thread::spawn(move || {
@@ -200,14 +266,16 @@ fn tap(number: u8, key: Key, udp_base: u16, tapped_base: u16, found: Sender<Stop
             if last_lab.replace(from) != Some(from) && lab_known.send(from).is_err() {
                 return;
             }
-            if let Ok(frame) = decode_for(bytes, number, &key)
-                && let Payload::Command(command) = frame.payload
-                && command.stop
-            {
-                // Nobody listens any more only when the test is over.
-                let _over = found.send(StopFrame { robot: number, at });
+            for (robot, key) in &robots {
+                if let Ok(frame) = decode_for(bytes, *robot, key)
+                    && let Payload::Command(command) = frame.payload
+                    && command.stop
+                {
+                    // Nobody listens any more only when the test is over.
+                    let _over = found.send(StopFrame { robot: *robot, at });
+                }
             }
-            let _lost = inside.send(bytes);
+            let _lost = inside.send_to(bytes, ("127.0.0.1", port));
         }
     });
     std::thread::spawn(move || {

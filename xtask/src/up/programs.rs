@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 
 use super::keys;
 use super::ports::Ports;
@@ -56,26 +56,32 @@ pub struct Programs {
     database_url: String,
     with_lab: bool,
     with_tracker: bool,
+    docks: Option<PathBuf>,
     measure: bool,
 }
 
 /// What of the laboratory is started.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Choice {
     pub lab: bool,
     /// A tracker instead of cameras.
     pub tracker: bool,
+    /// File of the docks, absolute.
+    pub docks: Option<PathBuf>,
     /// Write down when robots applied commands.
     pub measure: bool,
 }
 
 impl Choice {
-    pub fn of(arguments: &super::UpArguments) -> Self {
-        Self {
+    pub fn of(arguments: &super::UpArguments) -> Result<Self> {
+        // The programs are started in the checkout, not where the user is.
+        let absolute = |path: &PathBuf| path.canonicalize().with_context(|| format!("find {}", path.display()));
+        Ok(Self {
             lab: !arguments.no_lab,
             tracker: arguments.tracker,
+            docks: arguments.docks.as_ref().map(absolute).transpose()?,
             measure: arguments.measure,
-        }
+        })
     }
 }
 
@@ -103,6 +109,7 @@ impl Programs {
             database_url,
             with_lab: choice.lab,
             with_tracker: choice.tracker,
+            docks: choice.docks,
             measure: choice.measure,
         };
         programs.check()?;
@@ -339,6 +346,9 @@ impl Programs {
             .arg("--robot-udp-base")
             .arg(self.ports.robot_udp_base.to_string());
         command.arg("--hand").arg(self.socket(HAND_SOCKET));
+        if let Some(docks) = &self.docks {
+            command.arg("--docks").arg(docks);
+        }
     }
 
     fn keys_file(&self) -> PathBuf {

@@ -3,7 +3,7 @@
 use crate::pages::words;
 use crate::state::State;
 use crate::theme::{self, Tone};
-use api::health::BatteryLevel;
+use api::health::{BatteryLevel, RobotActivity};
 use api::robot::RobotView;
 
 #[derive(Debug, Clone, PartialEq)]
@@ -26,12 +26,7 @@ pub fn rows(state: &State) -> Option<Vec<Row>> {
         robots
             .iter()
             .map(|view| {
-                let (word, tone) = match view.state.as_str() {
-                    "idle" => ("Ready", Tone::Good),
-                    "leased" => ("In a run", Tone::Active),
-                    "offline" => ("Offline", Tone::Error),
-                    other => (other, Tone::Neutral),
-                };
+                let (word, tone) = state_word(view);
                 let (battery, battery_tone) = battery(view);
                 let (link, link_tone) = link(view);
                 Row {
@@ -48,6 +43,18 @@ pub fn rows(state: &State) -> Option<Vec<Row>> {
             })
             .collect(),
     )
+}
+
+/// A robot on its way home or at its dock may be had for a run all the same, unless the message says why not.
+fn state_word(view: &RobotView) -> (&str, Tone) {
+    match (view.state.as_str(), view.activity) {
+        ("idle", Some(RobotActivity::DrivingHome)) => ("Driving home", Tone::Active),
+        ("idle", Some(RobotActivity::Charging)) => ("Charging", Tone::Good),
+        ("idle", None) => ("Ready", Tone::Good),
+        ("leased", _) => ("In a run", Tone::Active),
+        ("offline", _) => ("Offline", Tone::Error),
+        (other, _) => (other, Tone::Neutral),
+    }
 }
 
 /// Voltage without the load and level, or what there is.
@@ -158,6 +165,7 @@ mod tests {
                 delay_p95_ms: 13.04,
                 jitter_ms: 1.5,
             }),
+            activity: None,
         }
     }
 
@@ -170,6 +178,23 @@ mod tests {
             ("13.0 ms \u{b1} 1.5 ms, 1.2 % lost".to_owned(), Tone::Warning)
         );
         assert_eq!(message(&view), "is charging (battery low); a motor was blocked");
+    }
+
+    #[test]
+    fn the_way_home_and_the_dock_have_words_and_a_run_goes_before_them() {
+        let doing = |state: &str, activity| {
+            let view = RobotView {
+                state: state.to_owned(),
+                activity,
+                ..view()
+            };
+            state_word(&view).0.to_owned()
+        };
+        assert_eq!(doing("idle", Some(RobotActivity::DrivingHome)), "Driving home");
+        assert_eq!(doing("idle", Some(RobotActivity::Charging)), "Charging");
+        assert_eq!(doing("idle", None), "Ready");
+        assert_eq!(doing("leased", Some(RobotActivity::Charging)), "In a run");
+        assert_eq!(doing("offline", Some(RobotActivity::Charging)), "Offline");
     }
 
     #[test]
