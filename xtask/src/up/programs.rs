@@ -56,6 +56,7 @@ pub struct Programs {
     database_url: String,
     with_lab: bool,
     with_tracker: bool,
+    quick: bool,
     measure: bool,
 }
 
@@ -65,6 +66,8 @@ pub struct Choice {
     pub lab: bool,
     /// A tracker instead of cameras.
     pub tracker: bool,
+    /// Virtual time: one program instead of emulator, cameras and laboratory.
+    pub quick: bool,
     /// Write down when robots applied commands.
     pub measure: bool,
 }
@@ -74,6 +77,7 @@ impl Choice {
         Self {
             lab: !arguments.no_lab,
             tracker: arguments.tracker,
+            quick: arguments.quick,
             measure: arguments.measure,
         }
     }
@@ -103,6 +107,7 @@ impl Programs {
             database_url,
             with_lab: choice.lab,
             with_tracker: choice.tracker,
+            quick: choice.quick,
             measure: choice.measure,
         };
         programs.check()?;
@@ -113,7 +118,9 @@ impl Programs {
     }
 
     fn check(&self) -> Result<()> {
-        let lab: &[&str] = if self.with_lab {
+        let lab: &[&str] = if self.quick {
+            &["robopheus-quick-lab", "robopheus-simulate"]
+        } else if self.with_lab {
             &[
                 "robopheus-emulator",
                 "robopheus-camera",
@@ -144,6 +151,10 @@ impl Programs {
         &self.ports
     }
 
+    pub fn is_quick(&self) -> bool {
+        self.quick
+    }
+
     pub fn has_lab(&self) -> bool {
         self.with_lab
     }
@@ -172,7 +183,10 @@ impl Programs {
         plans.push(self.plan("server", 5, 1500, Self::server));
         plans.push(self.plan("scheduler", 4, 1500, Self::scheduler));
         plans.push(self.plan("diagnose", 4, 1500, Self::diagnose));
-        if self.with_lab {
+        if self.quick {
+            plans.push(self.plan("lab", 1, 3000, Self::quick_lab));
+            plans.push(self.plan("simulate", 1, 500, Self::simulate));
+        } else if self.with_lab {
             plans.push(self.plan("emulator", 3, 1000, Self::emulator));
             if !self.with_tracker {
                 plans.extend(CAMERAS.iter().map(|camera| self.camera_plan(camera)));
@@ -319,6 +333,20 @@ impl Programs {
         command
     }
 
+    fn quick_lab(&self) -> Command {
+        self.remove_files([HAND_SOCKET].into_iter());
+        fs::remove_file(self.data.join("lab-hub.addr")).ok();
+        let mut command = self.command("robopheus-quick-lab");
+        command
+            .arg("--server")
+            .arg(format!("http://127.0.0.1:{}", self.ports.server));
+        command.arg("--token-file").arg(self.data.join("tokens/lab"));
+        command.arg("--data").arg(&self.data).arg("--lab").arg(&self.lab_file);
+        command.arg("--keys").arg(self.keys_file());
+        command.arg("--hand").arg(self.socket(HAND_SOCKET));
+        command
+    }
+
     fn simulate(&self) -> Command {
         let mut command = self.command("robopheus-simulate");
         command
@@ -366,6 +394,7 @@ impl Programs {
         match name {
             "postgres" => self.cluster.as_ref().is_none_or(Cluster::is_ready),
             "server" => is_healthy(self.ports.server),
+            "lab" if self.quick => self.socket(HAND_SOCKET).exists(),
             "emulator" => self.socket(HAND_SOCKET).exists(),
             name if name.starts_with("camera-") => CAMERAS
                 .iter()

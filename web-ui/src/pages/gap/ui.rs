@@ -13,8 +13,10 @@ use egui::{
     ScrollArea, Sense, Stroke, Ui, vec2,
 };
 
-const SIDE_WIDTH: f32 = 420.0;
-const TICK_WIDTH: f32 = 68.0;
+const SIDE_WIDTH: f32 = 450.0;
+const TICK_WIDTH: f32 = 64.0;
+/// Of unchanged, changed, kept back.
+const TICKS: f32 = 3.0;
 const GAP_WIDTH: f32 = 70.0;
 const RUN_HEIGHT: f32 = 38.0;
 const DIAGNOSIS_HEIGHT: f32 = 46.0;
@@ -187,6 +189,12 @@ fn run_header(ui: &mut Ui, palette: &Palette) {
             "changed",
             "Runs whose difference to the twin is to be explained.",
         );
+        cell(
+            TICK_WIDTH,
+            "kept back",
+            "Changed runs that nothing is fitted to: they are opened once, for the figures of the result. \
+             With none ticked, some of six or more changed runs are kept back without being asked.",
+        );
         cell(name_width, "run", "");
         cell(
             GAP_WIDTH,
@@ -197,7 +205,7 @@ fn run_header(ui: &mut Ui, palette: &Palette) {
 }
 
 fn name_width(ui: &Ui) -> f32 {
-    (ui.available_width() - 2.0 * TICK_WIDTH - GAP_WIDTH - 12.0).max(80.0)
+    (ui.available_width() - TICKS * TICK_WIDTH - GAP_WIDTH - 12.0).max(80.0)
 }
 
 fn run_row(ui: &mut Ui, row: &data::RunRow, output: &mut Output, palette: &Palette) {
@@ -209,6 +217,7 @@ fn run_row(ui: &mut Ui, row: &data::RunRow, output: &mut Output, palette: &Palet
         let ticks = [
             ("same", row.same, GapCommand::ToggleReference(row.run)),
             ("changed", row.changed, GapCommand::ToggleChanged(row.run)),
+            ("locked", row.locked, GapCommand::ToggleLocked(row.run)),
         ];
         for (name, mut ticked, command) in ticks {
             ui.allocate_ui_with_layout(vec2(TICK_WIDTH, RUN_HEIGHT), left, |ui| {
@@ -259,15 +268,19 @@ fn buttons(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) {
             output.on_click("gap.keep", &keep, Command::Gap(GapCommand::KeepReferences));
         }
     });
+    let kept_back = state.gap.locked.len();
     let counts = format!(
-        "{} unchanged, {} changed",
+        "{} unchanged, {} changed, {kept_back} kept back",
         state.gap.references.len(),
-        state.gap.changed.len()
+        state.gap.changed.len(),
     );
     let advice = match (state.gap.references.len(), state.gap.changed.len()) {
         (_, 0 | 1) => "tick at least two changed runs",
         (0, _) => "without unchanged runs the result is at most partly explained",
-        (_, 2..=5) => "six changed runs make a proven result possible",
+        (_, changed) if kept_back == 0 && changed < 6 => "six changed runs make a proven result possible",
+        (_, changed) if kept_back > 0 && (kept_back < 2 || changed < 4) => {
+            "four changed runs and two kept back make a proven result possible"
+        }
         _ => "",
     };
     let text = if advice.is_empty() {
