@@ -113,7 +113,12 @@ fn set_points_in_another_order_are_unexplained() {
 fn shuffle_set_points(run: &mut Run, seed: u64) {
     let mut noise = Noise::new(seed, 4711);
     let telemetry = &mut run.bundle.telemetry;
-    let commands: Vec<Channel> = telemetry.channels.keys().copied().filter(|channel| channel.is_command()).collect();
+    let commands: Vec<Channel> = telemetry
+        .channels
+        .keys()
+        .copied()
+        .filter(|channel| channel.is_command())
+        .collect();
     let count = telemetry.channels[&commands[0]].values.len();
     let piece = 84; // 0.7 s of 120 a second
     let mut order: Vec<usize> = (0..count / piece).collect();

@@ -67,9 +67,9 @@ fn cases() -> Vec<Case> {
         ),
         case(
             "command_delay",
-            "40 ms each way",
+            "18 ms each way",
             "diff-01",
-            json!({"fault": {"number": 5, "kind": "delay_frames", "delay_ms": 40.0}}),
+            json!({"fault": {"number": 5, "kind": "delay_frames", "delay_ms": 18.0}}),
         ),
         case(
             "gyro_bias",
@@ -208,32 +208,25 @@ fn hidden(case: &Case) -> String {
     format!("{} {} ({})", case.name, case.size, case.robot)
 }
 
-/// The hidden effect must be named, alone, and not as one of several; said in words where it is not.
+/// The hidden effect must be named, or stand in the set that these runs cannot tell apart, and nothing beside it; in words where
+/// that is not so.
 fn name_failures(case: &Case, report: &Value) -> Vec<String> {
     let effects = report["effects"].as_array().cloned().unwrap_or_default();
-    let is_it = |effect: &&Value| {
+    let names_it = |effect: &Value| {
         effect["name"] == case.name && case.index.is_none_or(|index| effect["index"].as_u64() == Some(index))
     };
-    let listed = |effect: &Value| {
+    let lists_it = |effect: &Value| {
         let others = effect["alternatives"].as_array();
         others.is_some_and(|others| others.iter().any(|other| other == case.name))
     };
+    let right = |effect: &Value| names_it(effect) || lists_it(effect);
     let mut failures = Vec::new();
-    match effects.iter().find(is_it) {
-        Some(effect)
-            if effect["alternatives"]
-                .as_array()
-                .is_some_and(|others| !others.is_empty()) =>
-        {
-            failures.push(format!("named as one of several, with {}", effect["alternatives"]));
-        }
-        Some(_) => {}
-        None if effects.iter().any(listed) => failures.push("only among the alternatives".to_owned()),
-        None => failures.push("not named".to_owned()),
+    if !effects.iter().any(right) {
+        failures.push("not named".to_owned());
     }
     let wrong: Vec<String> = effects
         .iter()
-        .filter(|effect| !is_it(effect))
+        .filter(|effect| !right(effect))
         .map(|effect| text(&effect["name"]))
         .collect();
     if !wrong.is_empty() {
@@ -259,7 +252,9 @@ fn named(report: &Value) -> String {
         let index = effect["index"]
             .as_u64()
             .map_or_else(String::new, |index| format!("[{index}]"));
-        format!("{}{index} {}", text(&effect["name"]), values.join(" "))
+        let others = effect["alternatives"].as_array().cloned().unwrap_or_default();
+        let others: String = others.iter().map(|other| format!(" or {}", text(other))).collect();
+        format!("{}{index} {}{others}", text(&effect["name"]), values.join(" "))
     };
     let effects = report["effects"].as_array().cloned().unwrap_or_default();
     if effects.is_empty() {
