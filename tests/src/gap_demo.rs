@@ -186,6 +186,9 @@ async fn circle(
     let changed = system.drive(case.robot, &CHANGED, &hidden(case)).await?;
     let before_m = system.position_gap_m(case.robot, &changed).await?;
     let (id, report) = system.diagnose(case.robot, unchanged, &changed).await?;
+    // For a look afterwards, with ROBOPHEUS_KEEP.
+    let file = system.data.join(format!("report-{}-{}.json", case.name, case.robot));
+    std::fs::write(file, serde_json::to_vec_pretty(&report)?)?;
     system.accept(id).await?;
     let again = system.drive(case.robot, &AGAIN, "with the new model").await?;
     let after_m = system.position_gap_m(case.robot, &again).await?;
