@@ -14,7 +14,7 @@ use egui::{
 };
 
 const SIDE_WIDTH: f32 = 450.0;
-const TICK_WIDTH: f32 = 64.0;
+const TICK_WIDTH: f32 = 68.0;
 /// Of unchanged, changed, kept back.
 const TICKS: f32 = 3.0;
 const GAP_WIDTH: f32 = 70.0;
@@ -171,32 +171,36 @@ fn run_header(ui: &mut Ui, palette: &Palette) {
                 .text_style(egui::TextStyle::Small)
         };
         let name_width = name_width(ui);
-        let left = Layout::left_to_right(Align::Center);
+        let (left, middle) = (Layout::left_to_right(Align::Center), Layout::top_down(Align::Center));
         ui.spacing_mut().item_spacing.x = 0.0;
-        let mut cell = |width: f32, text: &str, hint: &str| {
-            ui.allocate_ui_with_layout(vec2(width, 18.0), left, |ui| {
+        let mut cell = |layout: Layout, width: f32, text: &str, hint: &str| {
+            ui.allocate_ui_with_layout(vec2(width, 18.0), layout, |ui| {
                 ui.set_min_width(width);
                 ui.add(Label::new(small(text)).selectable(false)).on_hover_text(hint);
             });
         };
         cell(
+            middle,
             TICK_WIDTH,
             "unchanged",
             "Runs in which robot and floor were as always: they show what chance does.",
         );
         cell(
+            middle,
             TICK_WIDTH,
             "changed",
             "Runs whose difference to the twin is to be explained.",
         );
         cell(
+            middle,
             TICK_WIDTH,
             "kept back",
             "Changed runs that nothing is fitted to: they are opened once, for the figures of the result. \
              With none ticked, some of six or more changed runs are kept back without being asked.",
         );
-        cell(name_width, "run", "");
+        cell(left, name_width, "run", "");
         cell(
+            left,
             GAP_WIDTH,
             "gap at 2 s",
             "How far the twin's prediction is from the measured position two seconds later, RMS.",
@@ -222,7 +226,8 @@ fn run_row(ui: &mut Ui, row: &data::RunRow, output: &mut Output, palette: &Palet
         for (name, mut ticked, command) in ticks {
             ui.allocate_ui_with_layout(vec2(TICK_WIDTH, RUN_HEIGHT), left, |ui| {
                 ui.set_min_width(TICK_WIDTH);
-                ui.add_space(14.0);
+                // The box itself, without text, is 16 wide.
+                ui.add_space((TICK_WIDTH - 16.0) / 2.0);
                 let response = ui.add(Checkbox::without_text(&mut ticked));
                 output.on_click(format!("gap.run.{}.{name}", row.run), &response, Command::Gap(command));
             });
@@ -440,8 +445,12 @@ fn under_way(ui: &mut Ui, view: &DiagnosisView, output: &mut Output, palette: &P
         );
         ui.add(Label::new(RichText::new(text).color(palette.faint_ink)).wrap());
         ui.add_space(theme::GAP);
+        let kept_back = match view.locked_runs.len() {
+            0 => String::new(),
+            kept => format!(", {kept} kept back"),
+        };
         let figures = format!(
-            "{} changed and {} unchanged runs. You may leave the page; the diagnosis goes on.",
+            "{} changed and {} unchanged runs{kept_back}. You may leave the page; the diagnosis goes on.",
             view.changed_runs.len(),
             view.reference_runs.len()
         );
