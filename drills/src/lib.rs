@@ -19,6 +19,7 @@ pub mod hostile;
 pub mod liar;
 mod light;
 pub mod link_loss;
+pub mod quick;
 mod rig;
 mod scene;
 pub mod sight;

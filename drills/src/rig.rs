@@ -43,6 +43,8 @@ pub struct RigSettings {
     pub down: AirSettings,
     /// Quarter of the control period by which the loop's ticks are shifted against the plant's pictures, 0 to 3.
     pub phase: i64,
+    /// When the virtual world begins, on the laboratory's clock.
+    pub begin_us: i64,
 }
 
 impl Default for RigSettings {
@@ -54,6 +56,7 @@ impl Default for RigSettings {
             up: AirSettings::default(),
             down: AirSettings::default(),
             phase: 0,
+            begin_us: BEGIN_US,
         }
     }
 }
@@ -102,6 +105,7 @@ pub struct Rig {
     radii_m: Vec<f64>,
     arena_m: [f64; 2],
     phase: i64,
+    begin_us: i64,
     plant_ticks: i64,
     motion_plant_tick: i64,
     separation: Separation,
@@ -152,6 +156,12 @@ impl Rig {
         let scenario = scene.scenario()?;
         let team = Team::with_law(&scenario, law).map_err(refused)?;
         Self::with_team(scene, settings, &scenario, team)
+    }
+
+    /// As [`Self::new`] for a scenario made elsewhere, with the models that it names.
+    pub fn with_scenario(scene: &Scene, settings: &RigSettings, scenario: &Scenario) -> Result<Self> {
+        let team = Team::new(scenario).map_err(refused)?;
+        Self::with_team(scene, settings, scenario, team)
     }
 
     fn with_team(scene: &Scene, settings: &RigSettings, scenario: &Scenario, team: Team) -> Result<Self> {
@@ -214,6 +224,7 @@ impl Rig {
             radii_m: robots.iter().map(|robot| robot.bounding_radius_m).collect(),
             arena_m: [scene.laboratory.arena.width_m, scene.laboratory.arena.height_m],
             phase: settings.phase.rem_euclid(PLANT_TICKS_PER_TICK),
+            begin_us: settings.begin_us,
             plant_ticks: 0,
             motion_plant_tick: 0,
             separation: Separation {
@@ -222,7 +233,7 @@ impl Rig {
             },
             watches: vec![
                 StopWatch {
-                    heard_us: BEGIN_US,
+                    heard_us: settings.begin_us,
                     ramping_us: None,
                     latched_us: None,
                     travelled_m: 0.0,
@@ -233,7 +244,7 @@ impl Rig {
             ],
             ended: None,
             // Replaced below, once the robots are seen.
-            pilot: Pilot::new(Team::new(scenario).map_err(refused)?, Vec::new(), 0, BEGIN_US),
+            pilot: Pilot::new(Team::new(scenario).map_err(refused)?, Vec::new(), 0, settings.begin_us),
         };
         let seen = rig.prepare(&limits)?;
         rig.pilot = Pilot::new(team, seen, duration_ticks, rig.now_us());
@@ -243,7 +254,7 @@ impl Rig {
 
     /// Microseconds of the laboratory's clock.
     pub fn now_us(&self) -> i64 {
-        BEGIN_US + self.plant_ticks * 1_000_000 / PLANT_HZ
+        self.begin_us + self.plant_ticks * 1_000_000 / PLANT_HZ
     }
 
     /// Control ticks since the motion began.

@@ -3,6 +3,7 @@
 use crate::camera::CameraSet;
 use crate::camera::faults::CameraFaultRequest;
 use crate::faults::FaultRequest;
+use crate::hidden::Change;
 use crate::laboratory::{Laboratory, Placement};
 use crate::socket::SocketFile;
 use serde::{Deserialize, Serialize};
@@ -24,6 +25,8 @@ struct Request {
     keep: Vec<u8>,
     fault: Option<FaultRequest>,
     camera_fault: Option<CameraFaultRequest>,
+    /// Changes robot or floor; a robot on the floor comes to rest for it.
+    hide: Option<Change>,
 }
 
 #[derive(Debug, Serialize)]
@@ -111,8 +114,8 @@ pub fn answer(line: &[u8], laboratory: &mut Laboratory, cameras: &mut CameraSet)
 
 fn carry_out(line: &[u8], laboratory: &mut Laboratory, cameras: &mut CameraSet) -> Result<(), String> {
     let request: Request = serde_json::from_slice(line).map_err(|error| format!("not a request: {error}"))?;
-    if request.place.is_none() && request.fault.is_none() && request.camera_fault.is_none() {
-        return Err("neither place nor fault nor camera_fault".to_owned());
+    if request.place.is_none() && request.fault.is_none() && request.camera_fault.is_none() && request.hide.is_none() {
+        return Err("neither place nor fault nor camera_fault nor hide".to_owned());
     }
     if let Some(placements) = &request.place {
         laboratory
@@ -123,6 +126,10 @@ fn carry_out(line: &[u8], laboratory: &mut Laboratory, cameras: &mut CameraSet) 
     if let Some(fault) = request.fault {
         laboratory.set_fault(fault).map_err(|error| error.to_string())?;
         tracing::info!(robot.number = fault.number, kind = ?fault.kind, "fault set");
+    }
+    if let Some(change) = &request.hide {
+        laboratory.hide(change).map_err(|error| error.to_string())?;
+        tracing::info!(?change, "hidden");
     }
     if let Some(fault) = request.camera_fault {
         tracing::info!(camera = fault.camera, fault = ?fault.fault, "camera fault");

@@ -1,7 +1,9 @@
 //! Hidden configuration: what the emulated robots and floors really are. Only this process reads it.
 
+pub mod change;
 mod wear;
 
+pub use change::Change;
 pub use wear::Wear;
 
 use serde::Deserialize;

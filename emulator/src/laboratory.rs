@@ -1,7 +1,8 @@
 //! All robots, the floor and what the tracker sees, without IO: time and bytes are arguments.
 
 use crate::faults::{FaultKind, FaultRequest};
-use crate::hidden::Hidden;
+use crate::hidden::change::ChangeProblem;
+use crate::hidden::{Change, Hidden};
 use crate::keys::Keys;
 use crate::noise::Noise;
 use crate::plant::Pose;
@@ -43,6 +44,10 @@ pub enum HandError {
         value: f64,
         range: &'static str,
     },
+    #[error("there is no robot {0:?}")]
+    UnknownName(String),
+    #[error(transparent)]
+    Change(#[from] ChangeProblem),
     #[error(transparent)]
     Body(#[from] BodyError),
 }
@@ -67,7 +72,10 @@ pub enum LaboratoryError {
 pub struct Laboratory {
     units: Vec<Unit>,
     arena: Arena,
+    floor: String,
     hidden: Hidden,
+    /// What the emulator was started with.
+    unchanged: Hidden,
     tracker: TrackerModel,
 }
 
@@ -93,6 +101,8 @@ impl Laboratory {
         Ok(Self {
             units,
             arena,
+            floor: description.arena.floor.clone(),
+            unchanged: hidden.clone(),
             hidden,
             tracker: TrackerModel::new(Noise::new(seed, u64::MAX)),
         })
@@ -197,6 +207,37 @@ impl Laboratory {
         }
         self.pair_up(request)?;
         self.numbered(request.number)?.set_fault(request.kind);
+        Ok(())
+    }
+
+    /// What robots and floor really are now, changes included.
+    pub fn hidden(&self) -> &Hidden {
+        &self.hidden
+    }
+
+    /// Changes a robot or the floor, on top of the changes before; [`Change::None`] takes all of them away. Robots on the
+    /// floor that are changed come to rest where they are.
+    pub fn hide(&mut self, change: &Change) -> Result<(), HandError> {
+        change.check()?;
+        let name = change.robot();
+        if let Some(name) = name
+            && !self.units.iter().any(|unit| unit.robot().description.name == name)
+        {
+            return Err(HandError::UnknownName(name.to_owned()));
+        }
+        if *change == Change::None {
+            self.hidden = self.unchanged.clone();
+        } else {
+            self.hidden.change(change, &self.floor);
+        }
+        self.arena.floor = self.hidden.floor(&self.floor);
+        let changed = |unit: &&mut Unit| match name {
+            Some(name) => unit.robot().description.name == name,
+            None => *change == Change::None,
+        };
+        for unit in self.units.iter_mut().filter(changed) {
+            unit.change(&self.hidden)?;
+        }
         Ok(())
     }
 

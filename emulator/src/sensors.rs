@@ -44,6 +44,12 @@ impl SensorSet {
         }
     }
 
+    /// The robot is another one now.
+    pub(crate) fn change(&mut self, hidden: &HiddenRobot) {
+        self.gyro_bias_rad_per_s = hidden.gyro_bias_rad_per_s;
+        self.magnetometer = hidden.magnetometer;
+    }
+
     /// Keeps the wheel angles running when the body is built anew.
     pub fn carry_angles_over(&mut self, old: &Body) {
         for (offset, wheel) in self.wheel_offset_rad.iter_mut().zip(old.driven_wheels()) {

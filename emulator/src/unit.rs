@@ -165,6 +165,16 @@ impl Unit {
         })
     }
 
+    /// Takes another hidden configuration; on the floor the robot is put down anew where it stands.
+    pub(crate) fn change(&mut self, hidden: &Hidden) -> Result<(), BodyError> {
+        self.hidden = hidden.robot(&self.robot.description.name);
+        self.sensors.change(&self.hidden);
+        if self.on_floor {
+            self.place(self.body.pose(), hidden)?;
+        }
+        Ok(())
+    }
+
     /// Takes the robot off the floor.
     pub fn lift(&mut self) {
         if std::mem::replace(&mut self.on_floor, false) {

@@ -7,6 +7,7 @@
 //! measured speeds are taken instead: the gap is then that of the contact and the steering alone. It shows everything and names nothing.
 
 use serde::Serialize;
+use twin::effect::Effect;
 use twin::pose::{Pose, wrapped_rad};
 use twin::replay::{CommandRow, HeldCommand, ReplayError, ReplayRow, replay_after};
 use twin::robot::Robot;
@@ -91,6 +92,17 @@ pub struct RobotClock {
     pub offset_s: f64,
     /// Per second.
     pub drift: f64,
+}
+
+impl RobotClock {
+    /// As the effects of a model say.
+    pub fn of(effects: &[Effect]) -> Self {
+        let clocks = effects.iter().filter(|effect| effect.name == "clock_offset");
+        clocks.fold(Self::default(), |sum, effect| Self {
+            offset_s: sum.offset_s + effect.value("offset"),
+            drift: sum.drift + effect.value("drift"),
+        })
+    }
 }
 
 /// End-to-end gap of a run when `robot` predicts it; predictions start from what the robot measured at the moment, by its clock.

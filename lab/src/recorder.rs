@@ -55,6 +55,13 @@ impl RecorderHandle {
         }
     }
 
+    /// Queues a record, and waits while the queue is full: for runs in virtual time, where nothing is late.
+    pub fn push_waiting(&self, record: Record) {
+        if self.queue.send(Message::Record(record)).is_err() {
+            self.dropped.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
     /// Queues a record that the run can do without: a full queue drops it and nothing more.
     pub fn push_spare(&self, record: Record) {
         let _full = self.queue.try_send(Message::Record(record));

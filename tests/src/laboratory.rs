@@ -41,7 +41,7 @@ impl System {
         self.hand(&serde_json::json!({ "fault": kind }))
     }
 
-    /// A request to the hand that puts robots on the floor.
+    /// A request to the hand that puts robots on the floor (`docs/laboratory.md`).
     pub fn hand(&self, request: &Value) -> anyhow::Result<()> {
         ask_hand(&self.data.join("hand.sock"), request)
     }

@@ -3,6 +3,7 @@
 mod archive;
 mod bare_loop;
 mod browser;
+pub mod circle;
 mod laboratory;
 mod system;
 

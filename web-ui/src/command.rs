@@ -71,6 +71,8 @@ pub enum GapCommand {
     ToggleReference(Uuid),
     /// Tick a run as changed, or not.
     ToggleChanged(Uuid),
+    /// Tick a changed run as kept back for the figures of the result, or not.
+    ToggleLocked(Uuid),
     KeepReferences,
     Start,
     /// Show a diagnosis; none: prepare a new one.

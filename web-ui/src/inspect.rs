@@ -2,7 +2,7 @@
 //!
 //! Refreshed each frame; see the crate's documentation for the names of the widgets.
 
-use crate::state::{State, TwinStatus};
+use crate::state::{ReportState, State, TwinStatus};
 use serde::Serialize;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -31,6 +31,7 @@ pub struct Summary {
     pub queue: QueueSummary,
     pub live: LiveSummary,
     pub run: RunSummary,
+    pub gap: GapSummary,
     pub toasts: Vec<String>,
     pub server_reachable: Option<bool>,
     pub last_error: Option<String>,
@@ -83,6 +84,26 @@ pub struct RunSummary {
     pub playback_s: f64,
 }
 
+#[derive(Debug, Default, Serialize)]
+pub struct GapSummary {
+    pub robot: Option<String>,
+    /// Version that the robot's twin uses; the nominal equations when absent.
+    pub model: Option<String>,
+    /// The diagnosis that is shown, its state, verdict and sentence.
+    pub diagnosis: Option<String>,
+    pub diagnosis_state: Option<&'static str>,
+    pub verdict: Option<String>,
+    pub headline: Option<String>,
+    pub model_is_current: bool,
+    pub floor_m: Option<f64>,
+    pub limit_m: Option<f64>,
+    /// Newest first: id and position gap at the horizon that decides.
+    pub runs: Vec<(String, Option<f64>)>,
+    pub unchanged: usize,
+    pub changed: usize,
+    pub kept_back: usize,
+}
+
 /// The part of the state that tests look at.
 pub fn summary(state: &State) -> Summary {
     let compose = &state.compose;
@@ -119,9 +140,47 @@ pub fn summary(state: &State) -> Summary {
             digest_equal: state.run.view.as_ref().and_then(|v| v.digest.equal),
             playback_s: state.run.playback.time_s,
         },
+        gap: gap(state),
         toasts: state.toasts.iter().map(|t| t.text.clone()).collect(),
         server_reachable: state.service.reachable,
         last_error: state.last_error.clone(),
+    }
+}
+
+fn gap(state: &State) -> GapSummary {
+    let gap = &state.gap;
+    let shown = gap.shown();
+    let at = |run: &api::model::RunGap, horizon_s: f64| {
+        let mut horizons = run.horizons.iter();
+        horizons
+            .find(|gap| gap.horizon_s == horizon_s)
+            .map(|gap| gap.position_m)
+    };
+    GapSummary {
+        robot: gap.robot.clone(),
+        model: gap.model.as_ref().and_then(|model| model.version.clone()),
+        diagnosis: shown.map(|view| view.id.to_string()),
+        diagnosis_state: shown.map(|view| view.state.as_str()),
+        verdict: shown.and_then(|view| view.verdict.clone()),
+        headline: match &gap.report {
+            ReportState::Here(report) => Some(crate::pages::gap::phrase::headline(report)),
+            _ => None,
+        },
+        model_is_current: shown.is_some_and(|view| view.model_is_current),
+        floor_m: gap.gaps.as_ref().and_then(|gaps| gaps.floor_position_m),
+        limit_m: gap.gaps.as_ref().and_then(|gaps| gaps.limit_position_m),
+        runs: gap
+            .gaps
+            .iter()
+            .flat_map(|gaps| {
+                gaps.runs
+                    .iter()
+                    .map(|run| (run.run.to_string(), at(run, gaps.horizon_s)))
+            })
+            .collect(),
+        unchanged: gap.references.len(),
+        changed: gap.changed.len(),
+        kept_back: gap.locked.len(),
     }
 }
 

@@ -19,7 +19,7 @@
 //! * Run: `run.arena`, `run.plot`, `run.play`, `run.seek`, `run.speed`, `run.live`, `run.cancel`, `run.finding.<i>`,
 //!   `run.download.archive`, `run.download.<file name>`
 //! * Robots: `robots.row.<name>`
-//! * Gap: `gap.robot.<name>`, `gap.run.<run id>.same`, `gap.run.<run id>.changed`, `gap.keep`, `gap.start`, `gap.new`,
+//! * Gap: `gap.robot.<name>`, `gap.run.<run id>.same`, `gap.run.<run id>.changed`, `gap.run.<run id>.locked`, `gap.keep`, `gap.start`, `gap.new`,
 //!   `gap.row.<diagnosis id>`, `gap.cancel`, `gap.accept`, `gap.revert`, `gap.back`, `gap.follow`, `gap.next`, `gap.next.run`, `gap.page`,
 //!   `gap.floor`, `gap.elsewhere`
 

@@ -353,6 +353,8 @@ pub struct Gap {
     pub references_touched: bool,
     /// Runs ticked as changed.
     pub changed: BTreeSet<Uuid>,
+    /// Changed runs that are kept back for the figures of the result; with none the service keeps some back by itself.
+    pub locked: BTreeSet<Uuid>,
     /// The diagnosis that is shown; none: a new one is prepared.
     pub selected: Option<Uuid>,
     pub report: ReportState,

@@ -1,5 +1,6 @@
 //! Benchmarks. What they mean is in `docs/speed.md`.
 
+mod identify;
 mod lab;
 mod twin;
 
@@ -21,6 +22,8 @@ enum Subject {
     Twin(twin::TwinArguments),
     /// From light to robot: each stage of the laboratory beside the paper's times
     Lab(lab::LabArguments),
+    /// CPU seconds of a diagnosis of ten minutes of logs on one core, by stage
+    Identify(identify::IdentifyArguments),
 }
 
 /// `cargo xtask bench`.
@@ -28,12 +31,17 @@ pub fn bench(arguments: &BenchArguments) -> Result<End> {
     match &arguments.subject {
         Some(Subject::Twin(arguments)) => twin::bench(arguments),
         Some(Subject::Lab(arguments)) => lab::bench(arguments),
+        Some(Subject::Identify(arguments)) => identify::bench(arguments),
         None => {
             let end = twin::bench(&twin::TwinArguments::default())?;
             if end != End::Good {
                 return Ok(end);
             }
-            lab::bench(&lab::LabArguments::default())
+            let end = lab::bench(&lab::LabArguments::default())?;
+            if end != End::Good {
+                return Ok(end);
+            }
+            identify::bench(&identify::IdentifyArguments::default())
         }
     }
 }

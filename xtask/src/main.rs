@@ -7,6 +7,7 @@ mod builds;
 mod bundle;
 mod check;
 mod cluster;
+mod demo;
 mod fingerprint;
 mod metadata;
 mod page;
@@ -29,8 +30,6 @@ use clap::{Parser, Subcommand};
 pub enum End {
     Good = 0,
     Failed = 1,
-    /// The verb is known, its subject does not exist yet.
-    NotYet = 2,
     /// Something this machine lacks; it has been listed.
     Missing = 3,
 }
@@ -62,8 +61,8 @@ enum Verb {
     Soak(soak::SoakArguments),
     /// Benchmarks: speed and memory of the twin
     Bench(bench::BenchArguments),
-    /// The paper's experiments from the command line
-    Demo,
+    /// What the product does, shown on the emulated laboratory: `demo gap`
+    Demo(demo::DemoArguments),
     /// One page with what each chassis and each effect does, in target/gallery.html
     Gallery,
     /// Blind identification bench; its options: `cargo xtask blind -- --help`
@@ -82,10 +81,7 @@ fn main() -> ExitCode {
         Verb::Smoke => test::smoke(),
         Verb::Soak(arguments) => soak::soak(&arguments),
         Verb::Bench(arguments) => bench::bench(&arguments),
-        Verb::Demo => Ok(not_yet(
-            "demo",
-            "the paper's experiments A, B, C have no command-line tables yet",
-        )),
+        Verb::Demo(arguments) => demo::demo(&arguments),
         Verb::Gallery => gallery(),
         Verb::Blind(arguments) => blind::blind(&arguments),
     };
@@ -113,10 +109,4 @@ fn gallery() -> anyhow::Result<End> {
     ]);
     run::succeed(draw.arg(&page))?;
     Ok(End::Good)
-}
-
-/// Says in one sentence that a verb has nothing to do yet.
-pub fn not_yet(verb: &str, why: &str) -> End {
-    eprintln!("`cargo xtask {verb}` does not exist yet: {why}.");
-    End::NotYet
 }

@@ -45,6 +45,9 @@ pub struct UpArguments {
     /// Docks: robots of a finished run drive home and charge (for example examples/lab/docks.json)
     #[arg(long)]
     pub docks: Option<PathBuf>,
+    /// The emulated laboratory in virtual time: a run takes a second or two instead of its duration
+    #[arg(long, conflicts_with_all = ["no_lab", "tracker", "measure"])]
+    pub quick: bool,
     /// Write down when robots applied commands (logs/applied.csv)
     #[arg(long, hide = true)]
     pub measure: bool,
@@ -160,7 +163,9 @@ fn start(supervisor: &mut Supervisor, programs: &Programs, record: &Record) -> R
 fn announce(data: &Path, programs: &Programs) {
     let ports = programs.ports();
     println!("\nRobopheus is ready: http://127.0.0.1:{}/", ports.server);
-    if programs.has_lab() {
+    if programs.is_quick() {
+        println!("  emulated laboratory in virtual time (--quick): runs take as long as the machine needs");
+    } else if programs.has_lab() {
         println!(
             "  emulated laboratory: stop button http://127.0.0.1:{}/, robots on UDP from {}",
             ports.lab_stop,

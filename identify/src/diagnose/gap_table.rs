@@ -1,7 +1,7 @@
 //! Gap of locked runs before and after, by channel and horizon.
 
 use crate::floor::{ClassNoise, Floor};
-use crate::gap::{GapSample, HORIZONS_S, RUN_IN_S, end_to_end_with};
+use crate::gap::{GapSample, HORIZONS_S, RUN_IN_S, RobotClock, end_to_end_with};
 use crate::hypothesis::Hypothesis;
 use crate::random::Random;
 use crate::record::{CHANNELS, CLASSES, Quantity, Record, Stages, UNITS, residuals};
@@ -176,7 +176,7 @@ fn errors(floor: &Floor, bundles: &[&crate::bundle::Bundle], records: &[&Record]
     let mut errors: Errors = Vec::new();
     if let Some(robot) = model.robot() {
         for (bundle, record) in bundles.iter().zip(records) {
-            let Ok(gap) = end_to_end_with(bundle, &robot, model.robot_clock()) else {
+            let Ok(gap) = end_to_end_with(bundle, &robot, RobotClock::of(&model.effects)) else {
                 continue;
             };
             let liveliness = Liveliness::of(record);

@@ -275,18 +275,9 @@ impl Hypothesis {
         now
     }
 
-    /// Robot's clock less tracker's clock.
-    pub fn robot_clock(&self) -> RobotClock {
-        let clocks = self.effects.iter().filter(|effect| effect.name == "clock_offset");
-        clocks.fold(RobotClock::default(), |sum, effect| RobotClock {
-            offset_s: sum.offset_s + effect.value("offset"),
-            drift: sum.drift + effect.value("drift"),
-        })
-    }
-
-    /// The same at a window, s.
+    /// Robot's clock less tracker's clock at a window, s.
     fn clock_shift_s(&self, window: &Window) -> f64 {
-        let clock = self.robot_clock();
+        let clock = RobotClock::of(&self.effects);
         clock.offset_s + clock.drift * window.elapsed_s
     }
 }

@@ -25,15 +25,18 @@ pub fn command(state: &mut State, command: GapCommand) -> Vec<Effect> {
         GapCommand::ToggleReference(run) => {
             state.gap.references_touched = true;
             state.gap.requests = state.gap.requests.wrapping_add(1);
-            toggle(&mut state.gap.references, &mut state.gap.changed, run);
+            let gap = &mut state.gap;
+            toggle(&mut gap.references, [&mut gap.changed, &mut gap.locked], run);
             Vec::new()
         }
         GapCommand::ToggleChanged(run) => {
-            state.gap.requests = state.gap.requests.wrapping_add(1);
-            if state.gap.references.contains(&run) {
-                state.gap.references_touched = true;
-            }
-            toggle(&mut state.gap.changed, &mut state.gap.references, run);
+            let gap = about_to_change(state, run);
+            toggle(&mut gap.changed, [&mut gap.references, &mut gap.locked], run);
+            Vec::new()
+        }
+        GapCommand::ToggleLocked(run) => {
+            let gap = about_to_change(state, run);
+            toggle(&mut gap.locked, [&mut gap.references, &mut gap.changed], run);
             Vec::new()
         }
         GapCommand::KeepReferences => keep_references(state),
@@ -53,10 +56,22 @@ pub fn command(state: &mut State, command: GapCommand) -> Vec<Effect> {
     }
 }
 
-fn toggle(set: &mut BTreeSet<Uuid>, other: &mut BTreeSet<Uuid>, run: Uuid) {
+/// A run is about to be ticked as something else than unchanged.
+fn about_to_change(state: &mut State, run: Uuid) -> &mut Gap {
+    state.gap.requests = state.gap.requests.wrapping_add(1);
+    if state.gap.references.contains(&run) {
+        state.gap.references_touched = true;
+    }
+    &mut state.gap
+}
+
+/// Every run has one role.
+fn toggle(set: &mut BTreeSet<Uuid>, others: [&mut BTreeSet<Uuid>; 2], run: Uuid) {
     if !set.remove(&run) {
         set.insert(run);
-        other.remove(&run);
+        for other in others {
+            other.remove(&run);
+        }
     }
 }
 
@@ -173,6 +188,7 @@ fn take_gaps(state: &mut State, gaps: RobotGaps) {
         state.gap.references = kept.collect();
         let references = state.gap.references.clone();
         state.gap.changed.retain(|run| !references.contains(run));
+        state.gap.locked.retain(|run| !references.contains(run));
     }
     state.gap.gaps = Some(gaps);
 }
@@ -202,7 +218,7 @@ fn start(state: &mut State) -> Vec<Effect> {
         robot,
         reference_runs: ticked(&state.gap, &state.gap.references),
         changed_runs: ticked(&state.gap, &state.gap.changed),
-        locked_runs: Vec::new(),
+        locked_runs: ticked(&state.gap, &state.gap.locked),
         model: None,
     };
     state.gap.asking = true;

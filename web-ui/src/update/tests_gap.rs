@@ -92,6 +92,35 @@ fn a_run_is_ticked_one_way_only_and_two_changed_ones_start() {
 }
 
 #[test]
+fn a_run_kept_back_is_neither_changed_nor_unchanged_and_is_sent_as_locked() {
+    let mut state = state();
+    answer(&mut state, Request::Gaps("omni-03".to_owned()), 200, &gaps(&[1]));
+    for number in [2, 3, 4] {
+        press(&mut state, GapCommand::ToggleChanged(run(number)));
+    }
+    for number in [1, 4] {
+        press(&mut state, GapCommand::ToggleLocked(run(number)));
+    }
+    assert!(
+        state.gap.references.is_empty() && state.gap.references_touched,
+        "1 was taken over"
+    );
+    assert_eq!(state.gap.changed.len(), 2);
+    press(&mut state, GapCommand::ToggleLocked(run(1)));
+    press(&mut state, GapCommand::ToggleReference(run(1)));
+    let effects = press(&mut state, GapCommand::Start);
+    let Some(Effect::Send { body: Some(body), .. }) = effects.first() else {
+        panic!("{effects:?}")
+    };
+    let sent: DiagnosisRequest = serde_json::from_str(body).expect("a request");
+    assert_eq!(
+        (sent.changed_runs, sent.locked_runs),
+        (vec![run(2), run(3)], vec![run(4)])
+    );
+    assert_eq!(sent.reference_runs, [run(1)]);
+}
+
+#[test]
 fn a_started_diagnosis_is_shown_and_its_report_fetched_when_it_is_done() {
     let mut state = state();
     answer(&mut state, Request::StartDiagnosis, 201, &diagnosis(9, "queued"));

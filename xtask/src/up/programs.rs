@@ -57,6 +57,7 @@ pub struct Programs {
     with_lab: bool,
     with_tracker: bool,
     docks: Option<PathBuf>,
+    quick: bool,
     measure: bool,
 }
 
@@ -68,6 +69,8 @@ pub struct Choice {
     pub tracker: bool,
     /// File of the docks, absolute.
     pub docks: Option<PathBuf>,
+    /// Virtual time: one program instead of emulator, cameras and laboratory.
+    pub quick: bool,
     /// Write down when robots applied commands.
     pub measure: bool,
 }
@@ -80,6 +83,7 @@ impl Choice {
             lab: !arguments.no_lab,
             tracker: arguments.tracker,
             docks: arguments.docks.as_ref().map(absolute).transpose()?,
+            quick: arguments.quick,
             measure: arguments.measure,
         })
     }
@@ -110,6 +114,7 @@ impl Programs {
             with_lab: choice.lab,
             with_tracker: choice.tracker,
             docks: choice.docks,
+            quick: choice.quick,
             measure: choice.measure,
         };
         programs.check()?;
@@ -120,7 +125,9 @@ impl Programs {
     }
 
     fn check(&self) -> Result<()> {
-        let lab: &[&str] = if self.with_lab {
+        let lab: &[&str] = if self.quick {
+            &["robopheus-quick-lab", "robopheus-simulate"]
+        } else if self.with_lab {
             &[
                 "robopheus-emulator",
                 "robopheus-camera",
@@ -151,6 +158,10 @@ impl Programs {
         &self.ports
     }
 
+    pub fn is_quick(&self) -> bool {
+        self.quick
+    }
+
     pub fn has_lab(&self) -> bool {
         self.with_lab
     }
@@ -179,7 +190,10 @@ impl Programs {
         plans.push(self.plan("server", 5, 1500, Self::server));
         plans.push(self.plan("scheduler", 4, 1500, Self::scheduler));
         plans.push(self.plan("diagnose", 4, 1500, Self::diagnose));
-        if self.with_lab {
+        if self.quick {
+            plans.push(self.plan("lab", 1, 3000, Self::quick_lab));
+            plans.push(self.plan("simulate", 1, 500, Self::simulate));
+        } else if self.with_lab {
             plans.push(self.plan("emulator", 3, 1000, Self::emulator));
             if !self.with_tracker {
                 plans.extend(CAMERAS.iter().map(|camera| self.camera_plan(camera)));
@@ -326,6 +340,20 @@ impl Programs {
         command
     }
 
+    fn quick_lab(&self) -> Command {
+        self.remove_files([HAND_SOCKET].into_iter());
+        fs::remove_file(self.data.join("lab-hub.addr")).ok();
+        let mut command = self.command("robopheus-quick-lab");
+        command
+            .arg("--server")
+            .arg(format!("http://127.0.0.1:{}", self.ports.server));
+        command.arg("--token-file").arg(self.data.join("tokens/lab"));
+        command.arg("--data").arg(&self.data).arg("--lab").arg(&self.lab_file);
+        command.arg("--keys").arg(self.keys_file());
+        command.arg("--hand").arg(self.socket(HAND_SOCKET));
+        command
+    }
+
     fn simulate(&self) -> Command {
         let mut command = self.command("robopheus-simulate");
         command
@@ -376,6 +404,7 @@ impl Programs {
         match name {
             "postgres" => self.cluster.as_ref().is_none_or(Cluster::is_ready),
             "server" => is_healthy(self.ports.server),
+            "lab" if self.quick => self.socket(HAND_SOCKET).exists(),
             "emulator" => self.socket(HAND_SOCKET).exists(),
             name if name.starts_with("camera-") => CAMERAS
                 .iter()

@@ -21,6 +21,7 @@ pub struct RunRow {
     pub hint: String,
     pub same: bool,
     pub changed: bool,
+    pub locked: bool,
 }
 
 /// Newest first; `None` until the server answered.
@@ -45,6 +46,7 @@ pub fn runs(state: &State) -> Option<Vec<RunRow>> {
             hint,
             same: state.gap.references.contains(&run.run),
             changed: state.gap.changed.contains(&run.run),
+            locked: state.gap.locked.contains(&run.run),
         }
     };
     Some(gaps.runs.iter().map(row).collect())
@@ -162,7 +164,10 @@ pub fn state_word(view: &DiagnosisView) -> (&'static str, Tone) {
 
 fn row_text(view: &DiagnosisView) -> String {
     let (changed, same) = (view.changed_runs.len(), view.reference_runs.len());
-    let runs = format!("{changed} changed, {same} unchanged runs");
+    let runs = match view.locked_runs.len() {
+        0 => format!("{changed} changed, {same} unchanged runs"),
+        kept => format!("{changed} changed, {same} unchanged, {kept} kept back"),
+    };
     match view.origin {
         DiagnosisOrigin::Person => runs,
         DiagnosisOrigin::Gap => format!("{runs}; asked for by a large gap"),
@@ -268,6 +273,12 @@ pub fn facts(view: &DiagnosisView, report: Option<&Report>) -> Vec<(String, Stri
         ("Unchanged runs".to_owned(), view.reference_runs.len().to_string()),
         ("Changed runs".to_owned(), view.changed_runs.len().to_string()),
     ];
+    if !view.locked_runs.is_empty() {
+        rows.push((
+            "Kept back by you".to_owned(),
+            format!("{} runs, opened only for the figures", view.locked_runs.len()),
+        ));
+    }
     if let Some(report) = report {
         rows.push((
             "Their roles".to_owned(),

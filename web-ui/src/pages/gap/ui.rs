@@ -13,8 +13,10 @@ use egui::{
     ScrollArea, Sense, Stroke, Ui, vec2,
 };
 
-const SIDE_WIDTH: f32 = 420.0;
+const SIDE_WIDTH: f32 = 450.0;
 const TICK_WIDTH: f32 = 68.0;
+/// Of unchanged, changed, kept back.
+const TICKS: f32 = 3.0;
 const GAP_WIDTH: f32 = 70.0;
 const RUN_HEIGHT: f32 = 38.0;
 const DIAGNOSIS_HEIGHT: f32 = 46.0;
@@ -169,26 +171,36 @@ fn run_header(ui: &mut Ui, palette: &Palette) {
                 .text_style(egui::TextStyle::Small)
         };
         let name_width = name_width(ui);
-        let left = Layout::left_to_right(Align::Center);
+        let (left, middle) = (Layout::left_to_right(Align::Center), Layout::top_down(Align::Center));
         ui.spacing_mut().item_spacing.x = 0.0;
-        let mut cell = |width: f32, text: &str, hint: &str| {
-            ui.allocate_ui_with_layout(vec2(width, 18.0), left, |ui| {
+        let mut cell = |layout: Layout, width: f32, text: &str, hint: &str| {
+            ui.allocate_ui_with_layout(vec2(width, 18.0), layout, |ui| {
                 ui.set_min_width(width);
                 ui.add(Label::new(small(text)).selectable(false)).on_hover_text(hint);
             });
         };
         cell(
+            middle,
             TICK_WIDTH,
             "unchanged",
             "Runs in which robot and floor were as always: they show what chance does.",
         );
         cell(
+            middle,
             TICK_WIDTH,
             "changed",
             "Runs whose difference to the twin is to be explained.",
         );
-        cell(name_width, "run", "");
         cell(
+            middle,
+            TICK_WIDTH,
+            "kept back",
+            "Changed runs that nothing is fitted to: they are opened once, for the figures of the result. \
+             With none ticked, some of six or more changed runs are kept back without being asked.",
+        );
+        cell(left, name_width, "run", "");
+        cell(
+            left,
             GAP_WIDTH,
             "gap at 2 s",
             "How far the twin's prediction is from the measured position two seconds later, RMS.",
@@ -197,7 +209,7 @@ fn run_header(ui: &mut Ui, palette: &Palette) {
 }
 
 fn name_width(ui: &Ui) -> f32 {
-    (ui.available_width() - 2.0 * TICK_WIDTH - GAP_WIDTH - 12.0).max(80.0)
+    (ui.available_width() - TICKS * TICK_WIDTH - GAP_WIDTH - 12.0).max(80.0)
 }
 
 fn run_row(ui: &mut Ui, row: &data::RunRow, output: &mut Output, palette: &Palette) {
@@ -209,11 +221,13 @@ fn run_row(ui: &mut Ui, row: &data::RunRow, output: &mut Output, palette: &Palet
         let ticks = [
             ("same", row.same, GapCommand::ToggleReference(row.run)),
             ("changed", row.changed, GapCommand::ToggleChanged(row.run)),
+            ("locked", row.locked, GapCommand::ToggleLocked(row.run)),
         ];
         for (name, mut ticked, command) in ticks {
             ui.allocate_ui_with_layout(vec2(TICK_WIDTH, RUN_HEIGHT), left, |ui| {
                 ui.set_min_width(TICK_WIDTH);
-                ui.add_space(14.0);
+                // The box itself, without text, is 16 wide.
+                ui.add_space((TICK_WIDTH - 16.0) / 2.0);
                 let response = ui.add(Checkbox::without_text(&mut ticked));
                 output.on_click(format!("gap.run.{}.{name}", row.run), &response, Command::Gap(command));
             });
@@ -259,15 +273,19 @@ fn buttons(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) {
             output.on_click("gap.keep", &keep, Command::Gap(GapCommand::KeepReferences));
         }
     });
+    let kept_back = state.gap.locked.len();
     let counts = format!(
-        "{} unchanged, {} changed",
+        "{} unchanged, {} changed, {kept_back} kept back",
         state.gap.references.len(),
-        state.gap.changed.len()
+        state.gap.changed.len(),
     );
     let advice = match (state.gap.references.len(), state.gap.changed.len()) {
         (_, 0 | 1) => "tick at least two changed runs",
         (0, _) => "without unchanged runs the result is at most partly explained",
-        (_, 2..=5) => "six changed runs make a proven result possible",
+        (_, changed) if kept_back == 0 && changed < 6 => "six changed runs make a proven result possible",
+        (_, changed) if kept_back > 0 && (kept_back < 2 || changed < 4) => {
+            "four changed runs and two kept back make a proven result possible"
+        }
         _ => "",
     };
     let text = if advice.is_empty() {
@@ -427,8 +445,12 @@ fn under_way(ui: &mut Ui, view: &DiagnosisView, output: &mut Output, palette: &P
         );
         ui.add(Label::new(RichText::new(text).color(palette.faint_ink)).wrap());
         ui.add_space(theme::GAP);
+        let kept_back = match view.locked_runs.len() {
+            0 => String::new(),
+            kept => format!(", {kept} kept back"),
+        };
         let figures = format!(
-            "{} changed and {} unchanged runs. You may leave the page; the diagnosis goes on.",
+            "{} changed and {} unchanged runs{kept_back}. You may leave the page; the diagnosis goes on.",
             view.changed_runs.len(),
             view.reference_runs.len()
         );
