@@ -152,6 +152,7 @@ impl Attack {
                 ..air
             },
             phase: us(4.0 * self.gene(12)).min(3),
+            looks_ahead: true,
         }
     }
 

@@ -24,6 +24,7 @@ mod scene;
 pub mod sight;
 pub mod stale;
 pub mod table;
+pub mod tracking;
 
 pub use air::{Air, AirSettings};
 pub use light::{Light, LightSettings};

@@ -43,6 +43,8 @@ pub struct RigSettings {
     pub down: AirSettings,
     /// Quarter of the control period by which the loop's ticks are shifted against the plant's pictures, 0 to 3.
     pub phase: i64,
+    /// The law sees where robots will be; see [`Pilot::looking_ahead`].
+    pub looks_ahead: bool,
 }
 
 impl Default for RigSettings {
@@ -54,6 +56,7 @@ impl Default for RigSettings {
             up: AirSettings::default(),
             down: AirSettings::default(),
             phase: 0,
+            looks_ahead: true,
         }
     }
 }
@@ -236,7 +239,7 @@ impl Rig {
             pilot: Pilot::new(Team::new(scenario).map_err(refused)?, Vec::new(), 0, BEGIN_US),
         };
         let seen = rig.prepare(&limits)?;
-        rig.pilot = Pilot::new(team, seen, duration_ticks, rig.now_us());
+        rig.pilot = Pilot::new(team, seen, duration_ticks, rig.now_us()).looking_ahead(settings.looks_ahead);
         rig.motion_plant_tick = rig.plant_ticks;
         Ok(rig)
     }

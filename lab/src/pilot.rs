@@ -74,7 +74,7 @@ impl PilotRobot {
             track,
             telemetry,
             wheel_radius_m: limits.wheel_radius_m,
-            delay: DelayMeter::new(limits.answer_s),
+            delay: DelayMeter::new(limits.answer_s, limits.nominal),
             turned: telemetry,
             logged: [false; 2],
         }
@@ -99,6 +99,8 @@ pub struct Pilot {
     stopping_since: Option<i64>,
     holding: bool,
     overdue: u32,
+    /// The law sees poses of when its commands take effect, not of the past.
+    looks_ahead: bool,
 }
 
 impl Pilot {
@@ -120,7 +122,16 @@ impl Pilot {
             stopping_since: None,
             holding: false,
             overdue: 0,
+            looks_ahead: true,
         }
+    }
+
+    /// Whether the law sees where robots will be when its commands take effect (the default) or where they were measured;
+    /// the safety filter sees what was measured either way.
+    #[must_use]
+    pub fn looking_ahead(mut self, looks_ahead: bool) -> Self {
+        self.looks_ahead = looks_ahead;
+        self
     }
 
     /// Numbers the ticks of the records from here instead of 0.
@@ -281,6 +292,8 @@ impl Pilot {
     fn drive(&mut self, slot: i64, now_us: i64, outlet: &mut impl Outlet, sink: &mut impl Sink) {
         for (place, robot) in self.robots.iter().enumerate() {
             self.team.filter_mut().set_latency_s(place, robot.delay.latency_s());
+            self.team
+                .set_answer(place, self.looks_ahead.then(|| robot.delay.answer()));
         }
         let overdue = std::mem::take(&mut self.overdue);
         for _ in 1..overdue {
