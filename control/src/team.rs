@@ -208,7 +208,13 @@ impl Team {
         self
     }
 
-    /// The filter, for what was measured: link delays and tracked obstacles.
+    /// Room for so many things that others move; see [`SafetyFilter::see_moving`].
+    pub fn with_moving(mut self, most: usize) -> Team {
+        self.filter = self.filter.with_moving(most);
+        self
+    }
+
+    /// The filter, for what was measured: link delays, tracked obstacles and what others move.
     pub fn filter_mut(&mut self) -> &mut SafetyFilter {
         &mut self.filter
     }

@@ -23,6 +23,7 @@ mod rig;
 mod scene;
 pub mod sight;
 pub mod stale;
+pub mod strangers;
 pub mod table;
 pub mod tracking;
 

@@ -91,6 +91,8 @@ pub struct Rig {
     pub down: Air,
     /// What the loop is told from outside.
     pub signals: Signals,
+    /// Number and pose of a robot on the floor that is not in the run.
+    pub stranger: Option<(u16, [f64; 3])>,
     /// Everything the laboratory wrote down, unless [`Self::keep_records`] is off.
     pub records: Vec<Record>,
     pub keep_records: bool,
@@ -203,6 +205,7 @@ impl Rig {
                 recorder_failed: false,
                 robot_finding: None,
             },
+            stranger: None,
             records: Vec::new(),
             keep_records: true,
             commanders: robots
@@ -524,6 +527,7 @@ impl Rig {
                 .map(|number| u16::from(*number))
                 .zip(self.poses())
                 .filter(|(_, pose)| pose.iter().all(|part| part.is_finite()))
+                .chain(self.stranger)
                 .collect();
             self.light.expose(now_us, &poses);
         }

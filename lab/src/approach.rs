@@ -60,6 +60,7 @@ pub async fn drive(
     let setup = Setup {
         team,
         robots,
+        strangers: run::strangers(lab),
         ports,
         poses,
         telemetry,
