@@ -4,13 +4,15 @@
 //! service and in the laboratory's 120 Hz loop.
 //!
 //! ```text
-//! Scenario --check--> Team = Law -> acceleration limit -> SafetyFilter -> SafeCommand (wheel set-points)
-//!                       ^                                                     |
-//!                       +--- RobotObservation --- twin World (Rehearsal) <----+   or the laboratory's link
+//! Scenario --check--> Team = Predictor -> Law -> acceleration limit -> SafetyFilter -> SafeCommand (wheel set-points)
+//!                       ^                                                                  |
+//!                       +--- RobotObservation --- twin World (Rehearsal) <-----------------+   or the laboratory's link
 //! ```
 
+pub mod answer;
 pub mod gallery;
 pub mod law;
+pub mod prediction;
 pub mod rehearsal;
 pub mod safety;
 pub mod scenario;

@@ -83,9 +83,11 @@ impl Rehearsal {
         Rehearsal::with_team(scenario, Team::new(scenario)?)
     }
 
-    /// A rehearsal with a team of one's own.
-    pub fn with_team(scenario: &Scenario, team: Team) -> Result<Rehearsal, Vec<FieldProblem>> {
+    /// A rehearsal with a team of one's own. Its law sees predicted poses, as in the laboratory: with the answers that the
+    /// robots have by their descriptions, since nothing has been measured.
+    pub fn with_team(scenario: &Scenario, mut team: Team) -> Result<Rehearsal, Vec<FieldProblem>> {
         let world = world(scenario)?;
+        team.look_ahead_as_described();
         let names: Vec<String> = scenario
             .experiment
             .robots

@@ -5,8 +5,10 @@ use twin::robot::Robot;
 use twin::twist::BodyTwist;
 
 use crate::TICK_S;
+use crate::answer::{Answer, assumed_latency_s};
 pub use crate::law::RobotObservation;
-use crate::law::{self, Body, Demand, Goal, Law, Observation, Parameters};
+use crate::law::{self, Body, Demand, Drive, Goal, Law, Observation, Parameters};
+use crate::prediction::Predictor;
 use crate::safety::{Deadlock, FilterBody, Filtered, Geofence, Intervention, Limits, SafeCommand, SafetyFilter};
 use crate::scenario::{FieldProblem, Scenario};
 use crate::vector::{add, clip, sub};
@@ -44,6 +46,11 @@ pub struct Team {
     arena_m: [f64; 2],
     targets: Vec<Vec<Goal>>,
     filter: SafetyFilter,
+    predictors: Vec<Predictor>,
+    /// Of the robots as described.
+    described: Vec<Answer>,
+    /// What the law sees.
+    seen: Vec<RobotObservation>,
     demands: Vec<Demand>,
     wanted: Vec<BodyTwist>,
     intended: Vec<BodyTwist>,
@@ -69,6 +76,12 @@ impl Team {
         let arena_m = [scenario.arena.width_m, scenario.arena.height_m];
         let radii = scenario.robots.iter().map(|robot| robot.bounding_radius_m);
         let bodies = law::bodies(scenario, &robots);
+        let limits = Limits::default();
+        let described: Vec<Answer> = robots.iter().map(Answer::of).collect();
+        let answers = robots.iter().zip(&described);
+        let latencies_s: Vec<f64> = answers
+            .map(|(robot, answer)| assumed_latency_s(robot, answer, &limits))
+            .collect();
         let filter_bodies = robots
             .into_iter()
             .zip(radii)
@@ -76,8 +89,11 @@ impl Team {
                 robot,
                 bounding_radius_m,
             });
-        let mut filter = SafetyFilter::new(Limits::default(), arena_m, filter_bodies.collect())
-            .with_contents(&scenario.arena.contents);
+        let mut filter =
+            SafetyFilter::new(limits, arena_m, filter_bodies.collect()).with_contents(&scenario.arena.contents);
+        for (place, latency_s) in latencies_s.into_iter().enumerate() {
+            filter.set_latency_s(place, latency_s);
+        }
         let outputs = filter
             .stop()
             .iter()
@@ -89,6 +105,9 @@ impl Team {
             parameters: Parameters::of(&scenario.experiment.control),
             targets: law::goals(scenario),
             filter,
+            predictors: bodies.iter().map(|body| Predictor::new(axle_x_m(body.drive))).collect(),
+            described,
+            seen: Vec::with_capacity(bodies.len()),
             demands: vec![Demand::default(); bodies.len()],
             wanted: vec![BodyTwist::default(); bodies.len()],
             intended: vec![BodyTwist::default(); bodies.len()],
@@ -99,7 +118,7 @@ impl Team {
         })
     }
 
-    /// One control tick: observations in the order of the experiment's robots, outputs in the same order.
+    /// One control tick: observations as measured, in the order of the experiment's robots; outputs in the same order.
     ///
     /// Missing observations count as robots that are offline.
     pub fn tick(&mut self, observations: &[RobotObservation]) -> &[TeamOutput] {
@@ -107,10 +126,14 @@ impl Team {
             return self.stop_all();
         }
         self.demands.fill(Demand::default());
+        self.seen.clear();
+        let predicted = self.predictors.iter_mut().zip(observations);
+        self.seen
+            .extend(predicted.map(|(predictor, seen)| predictor.predict(seen)));
         let observation = Observation {
             arena_m: self.arena_m,
             tick: self.tick,
-            robots: observations,
+            robots: &self.seen,
             bodies: &self.bodies,
             targets: &self.targets,
             parameters: &self.parameters,
@@ -126,6 +149,7 @@ impl Team {
         for ((out, filtered), demand) in self.outputs.iter_mut().zip(filtered).zip(&self.demands) {
             *out = output(filtered, demand);
         }
+        self.note_sent();
         let rests = self.outputs.iter().all(|out| out.finished);
         self.rest_ticks = if rests { self.rest_ticks + 1 } else { 0 };
         self.tick += 1;
@@ -144,8 +168,38 @@ impl Team {
             out.safe = late.command;
             out.intervention = late.intervention;
         }
+        self.note_sent();
         self.tick += 1;
         &self.outputs
+    }
+
+    /// Lets the law see where a robot will be when the command of this tick takes effect, in place of the pose as it was
+    /// measured; off until then, and with `None`. The safety filter goes on with what was measured.
+    ///
+    /// - `answer`: delay of link and robot, s.
+    pub fn set_answer(&mut self, robot: usize, answer: Option<Answer>) {
+        if let Some(predictor) = self.predictors.get_mut(robot) {
+            predictor.set_answer(answer);
+        }
+    }
+
+    /// [`Self::set_answer`] for all robots, with the answers that they have by their descriptions.
+    pub fn look_ahead_as_described(&mut self) {
+        for (predictor, answer) in self.predictors.iter_mut().zip(&self.described) {
+            predictor.set_answer(Some(*answer));
+        }
+    }
+
+    /// What the law saw on the last tick.
+    pub fn seen(&self) -> &[RobotObservation] {
+        &self.seen
+    }
+
+    /// The commands of this tick are on their way.
+    fn note_sent(&mut self) {
+        for (predictor, out) in self.predictors.iter_mut().zip(&self.outputs) {
+            predictor.sent(&out.safe.twist());
+        }
     }
 
     /// Keeps all robots inside a region, besides the walls.
@@ -154,7 +208,13 @@ impl Team {
         self
     }
 
-    /// The filter, for what was measured: link delays and tracked obstacles.
+    /// Room for so many things that others move; see [`SafetyFilter::see_moving`].
+    pub fn with_moving(mut self, most: usize) -> Team {
+        self.filter = self.filter.with_moving(most);
+        self
+    }
+
+    /// The filter, for what was measured: link delays, tracked obstacles and what others move.
     pub fn filter_mut(&mut self) -> &mut SafetyFilter {
         &mut self.filter
     }
@@ -194,7 +254,16 @@ impl Team {
             out.safe = stop.command;
             out.intervention = stop.intervention;
         }
+        self.note_sent();
         &self.outputs
+    }
+}
+
+/// Axle that cannot slide, ahead of the body origin.
+fn axle_x_m(drive: Drive) -> f64 {
+    match drive {
+        Drive::Steered { axle_x_m, .. } => axle_x_m,
+        Drive::Holonomic | Drive::TurnInPlace => 0.0,
     }
 }
 

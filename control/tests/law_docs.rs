@@ -17,6 +17,10 @@ car-like ones drive arcs and back off where a point lies inside their turning ci
 trajectories that a car-like robot cannot drive are refused with the radius that it needs. An `omni4` on two driven wheels
 is refused by all laws: nothing holds it across the axis of these wheels.
 
+A law does not see poses of the past but where each robot will be when the command of this tick takes effect: the measured pose, moved on by the
+commands that are on their way (`control/src/prediction.rs`; at most 0.35 s). The laboratory measures the delay of each robot, a rehearsal takes
+the answer that the robot's description has in the twin. What that changes at 20, 50 and 80 ms stands in `docs/drills.md`.
+
 ";
 
 fn targets(law: &LawSpec) -> String {

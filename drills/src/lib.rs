@@ -24,7 +24,9 @@ mod rig;
 mod scene;
 pub mod sight;
 pub mod stale;
+pub mod strangers;
 pub mod table;
+pub mod tracking;
 
 pub use air::{Air, AirSettings};
 pub use light::{Light, LightSettings};

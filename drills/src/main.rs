@@ -3,7 +3,7 @@
 use anyhow::Result;
 use clap::{Parser, Subcommand};
 use drills::adversary::{self, Aim};
-use drills::{agent, blind, deadlock, falsify, link_loss, sight, stale, table};
+use drills::{agent, blind, deadlock, falsify, link_loss, sight, stale, strangers, table, tracking};
 use emulator::camera::CameraSettings;
 use std::process::ExitCode;
 
@@ -37,6 +37,10 @@ enum Drill {
     Liar(Runs),
     /// S11: the laboratory's process killed or stopped
     Agent(Runs),
+    /// A robot that is not in the run stands in the way or is pushed about
+    Strangers(Runs),
+    /// Laws with and without looking ahead at total delays of 20, 50 and 80 ms, so many runs of each
+    Tracking(Runs),
     /// Localisation on rendered video with twelve moving tags
     Sight {
         #[arg(long, default_value_t = 6000)]
@@ -89,6 +93,11 @@ fn main() -> Result<ExitCode> {
         Drill::Stale(runs) => table::print(&stale::run(runs.or(1_000_000), runs.seed, runs.threads)?),
         Drill::Deadlock(runs) => table::print(&deadlock::run(runs.first, runs.or(1000), runs.seed, runs.threads)?),
         Drill::Agent(runs) => table::print(&agent::run(runs.or(200), runs.seed, runs.threads)?),
+        Drill::Strangers(runs) => table::print(&strangers::run(runs.or(300), runs.seed, runs.threads)?),
+        Drill::Tracking(runs) => {
+            let lines = tracking::run(runs.or(4), runs.seed, runs.threads, &tracking::Course::ALL)?;
+            tracking::print(&lines)
+        }
         Drill::Sight { frames, seed } => sight(frames, seed)?,
     };
     Ok(ExitCode::from(u8::from(!holds)))

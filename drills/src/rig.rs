@@ -45,6 +45,8 @@ pub struct RigSettings {
     pub phase: i64,
     /// When the virtual world begins, on the laboratory's clock.
     pub begin_us: i64,
+    /// The law sees where robots will be; see [`Pilot::looking_ahead`].
+    pub looks_ahead: bool,
 }
 
 impl Default for RigSettings {
@@ -57,6 +59,7 @@ impl Default for RigSettings {
             down: AirSettings::default(),
             phase: 0,
             begin_us: BEGIN_US,
+            looks_ahead: true,
         }
     }
 }
@@ -91,6 +94,8 @@ pub struct Rig {
     pub down: Air,
     /// What the loop is told from outside.
     pub signals: Signals,
+    /// Number and pose of a robot on the floor that is not in the run.
+    pub stranger: Option<(u16, [f64; 3])>,
     /// Everything the laboratory wrote down, unless [`Self::keep_records`] is off.
     pub records: Vec<Record>,
     pub keep_records: bool,
@@ -210,6 +215,7 @@ impl Rig {
                 recorder_failed: false,
                 robot_finding: None,
             },
+            stranger: None,
             records: Vec::new(),
             keep_records: true,
             commanders: robots
@@ -247,7 +253,7 @@ impl Rig {
             pilot: Pilot::new(Team::new(scenario).map_err(refused)?, Vec::new(), 0, settings.begin_us),
         };
         let seen = rig.prepare(&limits)?;
-        rig.pilot = Pilot::new(team, seen, duration_ticks, rig.now_us());
+        rig.pilot = Pilot::new(team, seen, duration_ticks, rig.now_us()).looking_ahead(settings.looks_ahead);
         rig.motion_plant_tick = rig.plant_ticks;
         Ok(rig)
     }
@@ -532,6 +538,7 @@ impl Rig {
                 .map(|number| u16::from(*number))
                 .zip(self.poses())
                 .filter(|(_, pose)| pose.iter().all(|part| part.is_finite()))
+                .chain(self.stranger)
                 .collect();
             self.light.expose(now_us, &poses);
         }

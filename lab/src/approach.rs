@@ -93,6 +93,7 @@ pub(crate) async fn ride(
     let setup = Setup {
         team,
         robots,
+        strangers: run::strangers(lab),
         ports,
         poses,
         telemetry,

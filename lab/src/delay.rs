@@ -8,17 +8,18 @@
 //! latency = the largest of 0.18 s, link + answer, moving; the last at most 0.40 s
 //! ```
 //! The age of the pose is not part of it: the filter adds that itself.
+//!
+//! What laws are told of (`answer`) is the mean, not a bound: sums e g and sum g g as above, of driving and of turning apart,
+//! pulled to the link's delay and the answer that the robot's description has; no floor, at most 0.40 s.
 
 use crate::record::Telemetry;
+use control::answer::Answer;
 use std::collections::VecDeque;
 
-/// From set-points to motion: robots whose wheels roll, and robots that drag their wheels over the floor to turn.
-pub const ROLLING_ANSWER_S: f64 = 0.10;
-pub const SKIDDING_ANSWER_S: f64 = 0.23;
 /// Never less than what the filter assumes before anything is measured.
 const LEAST_S: f64 = 0.18;
 /// The answer as seen counts up to this; a link that is slower than the filter can answer for stops its robot.
-const LONGEST_MOVING_S: f64 = 0.40;
+const LONGEST_MOVING_S: f64 = control::answer::LONGEST_ANSWER_S;
 /// Share of a difference that a longer, and a shorter, link delay is followed by at each telemetry.
 const RISE: f64 = 0.05;
 const FALL: f64 = 0.002;
@@ -49,6 +50,7 @@ struct Sent {
 #[derive(Debug, Clone)]
 pub struct DelayMeter {
     answer_s: f64,
+    nominal: Answer,
     link_s: f64,
     sent: VecDeque<Sent>,
     applied_age_us: i64,
@@ -60,9 +62,11 @@ pub struct DelayMeter {
 
 impl DelayMeter {
     /// - `answer_s`: what the chassis is assumed to take.
-    pub fn new(answer_s: f64) -> Self {
+    /// - `nominal`: what the robot's description says that it takes.
+    pub fn new(answer_s: f64, nominal: Answer) -> Self {
         Self {
             answer_s,
+            nominal,
             link_s: 0.0,
             sent: VecDeque::with_capacity(REMEMBERED),
             applied_age_us: i64::MAX,
@@ -155,6 +159,19 @@ impl DelayMeter {
             .max(moving_s.min(LONGEST_MOVING_S))
     }
 
+    /// From sending to motion as it is in the mean, s: what laws look ahead by.
+    pub fn answer(&self) -> Answer {
+        let mean_s = |[eg, gg]: [f64; 2], weight: f64, nominal_s: f64| {
+            let assumed_s = self.link_s + nominal_s;
+            ((eg + assumed_s * weight) / (gg + weight)).clamp(0.0, LONGEST_MOVING_S)
+        };
+        let ([driving, turning], [driving_weight, turning_weight]) = (self.sums, ASSUMED);
+        Answer {
+            driving_s: mean_s(driving, driving_weight, self.nominal.driving_s),
+            turning_s: mean_s(turning, turning_weight, self.nominal.turning_s),
+        }
+    }
+
     /// Of the link alone, s.
     pub fn link_s(&self) -> f64 {
         self.link_s
@@ -174,6 +191,7 @@ fn smoothed(before: Twist, now: Twist, step_s: f64) -> Twist {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use control::answer::{ROLLING_ANSWER_S, SKIDDING_ANSWER_S};
 
     const TICK_US: i64 = 8333;
 
@@ -198,7 +216,11 @@ mod tests {
 
     /// A robot that does exactly what it was told, so and so late; commands go up and down.
     fn measured(late_ticks: i64, link_ticks: i64, answer_s: f64) -> DelayMeter {
-        let mut meter = DelayMeter::new(answer_s);
+        let nominal = Answer {
+            driving_s: answer_s,
+            turning_s: answer_s,
+        };
+        let mut meter = DelayMeter::new(answer_s, nominal);
         let told = |tick: i64| {
             let speed = 0.4 * (tick as f64 / 60.0).sin();
             [speed, 0.0, 2.0 * speed]
@@ -225,6 +247,24 @@ mod tests {
                 "{truth_s} s, found {found_s} s"
             );
         }
+    }
+
+    #[test]
+    fn the_mean_that_laws_look_ahead_by_has_no_floor() {
+        for late_ticks in [2, 8, 18, 30] {
+            let truth_s = late_ticks as f64 / 120.0;
+            let Answer { driving_s, turning_s } = measured(late_ticks, 1, ROLLING_ANSWER_S).answer();
+            for found_s in [driving_s, turning_s] {
+                assert!((found_s - truth_s).abs() < 0.015, "{truth_s} s, found {found_s} s");
+            }
+        }
+        assert!(measured(200, 1, ROLLING_ANSWER_S).answer().driving_s <= LONGEST_MOVING_S);
+        // Before anything was measured: link and description.
+        let nominal = Answer {
+            driving_s: 0.07,
+            turning_s: 0.2,
+        };
+        assert_eq!(DelayMeter::new(0.1, nominal).answer(), nominal);
     }
 
     #[test]

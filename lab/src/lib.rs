@@ -56,6 +56,7 @@ pub mod shadow;
 mod sleep_probe;
 pub mod stop_latch;
 pub mod stop_port;
+pub mod strangers;
 pub mod stream;
 pub mod virtual_loop;
 pub mod virtual_run;

@@ -12,6 +12,7 @@ use crate::record::{Motion, Record, Telemetry, Tick};
 use crate::recorder::RecorderHandle;
 use crate::safety::{Ending, Signals};
 use crate::schedule::{Due, TICK_HZ, TickSchedule};
+use crate::strangers::Strangers;
 use crate::voice::Voice;
 use control::team::Team;
 use std::sync::mpsc::Receiver;
@@ -26,6 +27,8 @@ pub struct Setup {
     pub team: Team,
     /// In the order of the experiment.
     pub robots: Vec<PilotRobot>,
+    /// Who stands on the floor besides them.
+    pub strangers: Strangers,
     /// In the same order.
     pub ports: Vec<HeldPort>,
     pub poses: Receiver<PoseFrame>,
@@ -60,6 +63,7 @@ pub fn run(setup: Setup) -> LoopEnd {
     let Setup {
         team,
         robots,
+        strangers,
         ports,
         poses,
         telemetry,
@@ -73,7 +77,9 @@ pub fn run(setup: Setup) -> LoopEnd {
     let start_ns = first_tick_ns(monotonic_ns() + LEAD_NS, phase_us);
     let start_us = start_ns / 1000;
     let mut schedule = TickSchedule::new(start_ns);
-    let mut pilot = Pilot::new(team, robots, duration_ticks, start_us).numbered_from(first_tick);
+    let mut pilot = Pilot::new(team, robots, duration_ticks, start_us)
+        .numbered_from(first_tick)
+        .among(strangers);
     let mut ports = Voice::new(ports);
     if first_tick >= 0 {
         recorder.push(Record::Motion(Motion { start_us, realtime }));

@@ -8,6 +8,7 @@ use crate::pose_frame::PoseFrame;
 use crate::record::{Command, Intervention, Log, LogLevel, Picture, Pose, Record, SafetyKind, Telemetry};
 use crate::robot_limits::RobotLimits;
 use crate::safety::{Ending, Inputs, Permission, RobotHealth, Safety, Signals};
+use crate::strangers::{self, Strangers};
 use control::law::RobotObservation;
 use control::safety::{Cause, SafeCommand};
 use control::team::{Team, TeamOutput};
@@ -74,7 +75,7 @@ impl PilotRobot {
             track,
             telemetry,
             wheel_radius_m: limits.wheel_radius_m,
-            delay: DelayMeter::new(limits.answer_s),
+            delay: DelayMeter::new(limits.answer_s, limits.nominal),
             turned: telemetry,
             logged: [false; 2],
         }
@@ -99,6 +100,9 @@ pub struct Pilot {
     stopping_since: Option<i64>,
     holding: bool,
     overdue: u32,
+    /// The law sees poses of when its commands take effect, not of the past.
+    looks_ahead: bool,
+    strangers: Strangers,
 }
 
 impl Pilot {
@@ -109,7 +113,7 @@ impl Pilot {
         let poses = robots.iter().filter_map(|robot| robot.track.newest());
         Self {
             newest_exposure_us: poses.map(|pose| pose.exposure_us).max().unwrap_or(start_us),
-            team,
+            team: team.with_moving(strangers::MOST),
             numbers: robots.iter().map(|robot| robot.number).collect(),
             robots,
             duration_ticks,
@@ -120,7 +124,24 @@ impl Pilot {
             stopping_since: None,
             holding: false,
             overdue: 0,
+            looks_ahead: true,
+            strangers: Strangers::default(),
         }
+    }
+
+    /// Who else may stand on the floor; without it their sizes are assumed.
+    #[must_use]
+    pub fn among(mut self, strangers: Strangers) -> Self {
+        self.strangers = strangers;
+        self
+    }
+
+    /// Whether the law sees where robots will be when its commands take effect (the default) or where they were measured;
+    /// the safety filter sees what was measured either way.
+    #[must_use]
+    pub fn looking_ahead(mut self, looks_ahead: bool) -> Self {
+        self.looks_ahead = looks_ahead;
+        self
     }
 
     /// Numbers the ticks of the records from here instead of 0.
@@ -206,6 +227,7 @@ impl Pilot {
         }));
         for pose in &frame.poses {
             let Some(robot) = self.robots.iter_mut().find(|robot| robot.number == pose.number) else {
+                self.strangers.see(pose, frame.exposure_us);
                 continue;
             };
             let sample = PoseSample {
@@ -281,7 +303,10 @@ impl Pilot {
     fn drive(&mut self, slot: i64, now_us: i64, outlet: &mut impl Outlet, sink: &mut impl Sink) {
         for (place, robot) in self.robots.iter().enumerate() {
             self.team.filter_mut().set_latency_s(place, robot.delay.latency_s());
+            self.team
+                .set_answer(place, self.looks_ahead.then(|| robot.delay.answer()));
         }
+        self.team.filter_mut().see_moving(self.strangers.discs(now_us));
         let overdue = std::mem::take(&mut self.overdue);
         for _ in 1..overdue {
             self.team.missed_tick();
@@ -452,6 +477,7 @@ pub(crate) fn explain(cause: &Cause, numbers: &[u8]) -> (SafetyKind, &'static st
         Cause::Geofence { .. } => (SafetyKind::Wall, "geofence", None),
         Cause::FixedObstacle { .. } => (SafetyKind::Wall, "fixed_obstacle", None),
         Cause::PushableObstacle { .. } => (SafetyKind::Wall, "pushable_obstacle", None),
+        Cause::MovingObstacle { .. } => (SafetyKind::Wall, "moving_obstacle", None),
         Cause::Deadlock => (SafetyKind::Robot, "deadlock", None),
         Cause::Speed => (SafetyKind::Speed, "speed", None),
         Cause::Steering => (SafetyKind::Speed, "steering", None),

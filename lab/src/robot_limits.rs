@@ -1,8 +1,7 @@
 //! How fast a robot can be, from its wheels: what the estimator believes.
 
-use crate::delay::{ROLLING_ANSWER_S, SKIDDING_ANSWER_S};
 use crate::estimator::MotionLimits;
-use twin::robot::Wheel;
+use control::answer::{Answer, chassis_answer_s};
 
 /// What a robot's wheels allow.
 #[derive(Debug, Clone, Copy)]
@@ -10,12 +9,11 @@ pub struct RobotLimits {
     pub motion: MotionLimits,
     /// Of the largest driven wheel.
     pub wheel_radius_m: f64,
-    /// From set-points to motion, as assumed.
+    /// From set-points to motion: as assumed for safety, and as its description has it.
     pub answer_s: f64,
+    pub nominal: Answer,
 }
 
-/// Axles closer than this are one.
-const AXLE_SPREAD_M: f64 = 0.02;
 /// Fastest that any robot here is thought to be when its description sets no limit.
 const UNLIMITED_M_PER_S: f64 = 3.0;
 
@@ -43,30 +41,16 @@ impl RobotLimits {
                 yaw_rate_rad_per_s,
             },
             wheel_radius_m,
-            answer_s: if skids(wheels) {
-                SKIDDING_ANSWER_S
-            } else {
-                ROLLING_ANSWER_S
-            },
+            answer_s: chassis_answer_s(robot),
+            nominal: Answer::of(robot),
         }
     }
-}
-
-/// Wheels that cannot slip sideways, on more than one axle and none of them steered, are dragged over the floor in a turn.
-fn skids(wheels: &[Wheel]) -> bool {
-    let axles = || {
-        wheels
-            .iter()
-            .filter(|wheel| wheel.kind == "standard")
-            .map(|wheel| wheel.x_m)
-    };
-    let spread_m = axles().fold(f64::NEG_INFINITY, f64::max) - axles().fold(f64::INFINITY, f64::min);
-    spread_m > AXLE_SPREAD_M && !wheels.iter().any(|wheel| wheel.steered)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use control::answer::{ROLLING_ANSWER_S, SKIDDING_ANSWER_S};
 
     #[test]
     fn only_a_robot_with_two_rigid_axles_skids() {

@@ -18,6 +18,7 @@ use crate::robot_limits::RobotLimits;
 use crate::safety::{Ending, Signals};
 use crate::schedule::TICK_HZ;
 use crate::sleep_probe::SleepProbe;
+use crate::strangers::Strangers;
 use api::lab::Assignment;
 use api::run::{Fault, RunState, Whose};
 use control::team::Team;
@@ -106,6 +107,7 @@ async fn try_attempt(
     let setup = Setup {
         team,
         robots: pilot_robots(lab, &ports, &limits(assignment)?)?,
+        strangers: strangers(lab),
         ports,
         poses,
         telemetry,
@@ -211,6 +213,13 @@ pub(crate) fn pilot_robots(
         Some(PilotRobot::new(robot.number, name, track, telemetry, limits))
     });
     made.collect::<Option<_>>().ok_or_else(gone)
+}
+
+/// Sizes of the laboratory's robots: those that are not in the run may stand on the floor.
+pub(crate) fn strangers(lab: &Lab) -> Strangers {
+    let robots = lab.description.robots.iter();
+    let known: Vec<_> = robots.map(|robot| (robot.number, robot.bounding_radius_m)).collect();
+    Strangers::new(&known)
 }
 
 pub(crate) fn signals(

@@ -210,7 +210,8 @@ impl Progress {
     }
 
     fn manoeuvre(&mut self, car: &Car, here: &Place, goal: &Place) -> (BodyTwist, Vector) {
-        if self.arrived {
+        // The last millimetres are driven as well: at the edge of the tolerance nothing is left for errors.
+        if self.arrived && !self.manoeuvre.is_ending() {
             self.manoeuvre.forget();
             return (BodyTwist::default(), goal.place_m);
         }

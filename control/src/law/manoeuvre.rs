@@ -146,6 +146,11 @@ impl Manoeuvre {
         best.1
     }
 
+    /// The last piece of the path is being driven.
+    pub fn is_ending(&self) -> bool {
+        self.planned && usize::from(self.index) + 1 == self.path.pieces().len()
+    }
+
     /// The next place to plan from is where the robot is.
     pub fn forget(&mut self) {
         *self = Manoeuvre::default();

@@ -69,7 +69,7 @@ pub const PUSH: &str = "push";
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RobotObservation {
     pub pose: Pose,
-    /// Time since the pose was measured.
+    /// Time since the pose was measured; negative of one that is predicted so far ahead, see [`crate::prediction`].
     pub pose_age_s: f64,
     /// Estimated twist in the body frame.
     pub twist: BodyTwist,

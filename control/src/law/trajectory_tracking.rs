@@ -15,6 +15,7 @@ use super::{
     Demand, Drive, Law, LawSpec, Observation, ParameterSpec, Parameters, RobotObservation, TRAJECTORY_TRACKING,
 };
 use crate::TICK_S;
+use crate::prediction::LONGEST_PREDICTION_S;
 use crate::scenario::{FieldProblem, Scenario};
 use crate::vector::{Vector, add, body_from_world, length, scale, sub, world_from_body, wrap};
 
@@ -161,18 +162,20 @@ impl Law for TrajectoryTracking {
 
     fn step(&mut self, observation: &Observation<'_>, demands: &mut [Demand]) {
         let parameters = observation.parameters;
-        let time_s = observation.tick as f64 * TICK_S - parameters.get("start_delay_s");
+        let now_s = observation.tick as f64 * TICK_S - parameters.get("start_delay_s");
         let all = self.trajectories.iter().zip(&mut self.first_yaw_rad).zip(demands);
         for (i, ((trajectory, first_yaw_rad), demand)) in all.enumerate() {
             let (Some(robot), Some(body)) = (observation.robots.get(i), observation.bodies.get(i)) else {
                 continue;
             };
-            let reference = trajectory.at(time_s);
-            demand.target = reference.place_m;
+            demand.target = trajectory.at(now_s).place_m;
             if !robot.pose.is_finite() {
                 continue;
             }
-            let ended = time_s >= trajectory.duration_s();
+            // A pose that is predicted is compared with the trajectory at its time.
+            let time_s = now_s + ahead_s(robot);
+            let reference = trajectory.at(time_s);
+            let ended = now_s >= trajectory.duration_s();
             let away = sub(reference.place_m, seen_now(robot));
             demand.finished = ended && length(away) <= parameters.get("reach_radius_m");
             let yaw_rad = *first_yaw_rad.get_or_insert(robot.pose.yaw_rad);
@@ -183,6 +186,11 @@ impl Law for TrajectoryTracking {
             };
         }
     }
+}
+
+/// How far ahead of now a pose is predicted.
+fn ahead_s(robot: &RobotObservation) -> f64 {
+    (-robot.pose_age_s).clamp(0.0, LONGEST_PREDICTION_S)
 }
 
 /// The place of the robot by now: the pose is as old as it says.

@@ -16,6 +16,7 @@ use super::groups::Groups;
 use super::intervention::{Cause, Strongest};
 use super::listing::{self, Listing, Robots, Scene};
 use super::margin::Place;
+use super::moving::{MAX_MOVING, MovingDisc};
 use super::pipeline::Pipeline;
 use super::rows::NOBODY;
 use super::solver::{Group, Outcome, Solver};
@@ -53,6 +54,8 @@ pub struct SafetyFilter {
     latencies_s: Vec<f64>,
     /// The measured delay is one that the filter can answer for.
     latency_known: Vec<bool>,
+    /// Something moves of which nobody knows where.
+    moving_unknown: bool,
     easy: Vec<[f64; 2]>,
     planar: Vec<bool>,
     // What the next tick depends on.
@@ -105,6 +108,8 @@ impl SafetyFilter {
             half_arena_m: scale(arena_m, 0.5),
             fence: None,
             bodies: Vec::new(),
+            moving: Vec::new(),
+            most_moving: 0,
         };
         let radii_m = bodies.iter().map(|body| body.bounding_radius_m).collect();
         let chassis: Vec<Chassis> = bodies
@@ -126,6 +131,7 @@ impl SafetyFilter {
             radii_m,
             latencies_s: vec![limits.latency_s; n],
             latency_known: vec![true; n],
+            moving_unknown: false,
             places: vec![Place::STILL; n],
             pipelines: vec![Pipeline::new(); n],
             steering_rad: vec![0.0; n],
@@ -169,6 +175,15 @@ impl SafetyFilter {
         self
     }
 
+    /// The same filter with room for so many discs that others move, at most [`MAX_MOVING`]; see
+    /// [`SafetyFilter::see_moving`].
+    pub fn with_moving(mut self, most: usize) -> SafetyFilter {
+        self.scene.most_moving = most.min(MAX_MOVING);
+        self.scene.moving = Vec::with_capacity(self.scene.most_moving);
+        self.make_room();
+        self
+    }
+
     fn make_room(&mut self) {
         self.listing.reserve(&self.scene);
         let rows = self.listing.rows.capacity();
@@ -205,6 +220,18 @@ impl SafetyFilter {
         }
     }
 
+    /// Everything that others move, as it is seen now, in an order that stays; holds until the next time.
+    ///
+    /// While there is more than there is room for, or numbers that cannot be those of a disc (not finite, negative), robots
+    /// stop with [`Cause::Infeasible`]: something moves, and nobody knows where.
+    pub fn see_moving(&mut self, discs: &[MovingDisc]) {
+        self.scene.moving.clear();
+        let room = self.scene.most_moving;
+        self.moving_unknown = discs.len() > room || !discs.iter().all(MovingDisc::is_possible);
+        let known = discs.iter().filter(|disc| disc.is_possible());
+        self.scene.moving.extend(known.take(room));
+    }
+
     /// Robots that hold each other or did a moment ago.
     pub fn deadlocks(&self) -> impl Iterator<Item = Deadlock> + '_ {
         self.watcher.deadlocks()
@@ -226,6 +253,8 @@ impl SafetyFilter {
         self.watcher.reset();
         self.active_keys.clear();
         self.missed_ticks = 0;
+        self.scene.moving.clear();
+        self.moving_unknown = false;
         self.filtered.fill(Filtered {
             command: STOP,
             intervention: None,

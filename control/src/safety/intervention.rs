@@ -38,6 +38,10 @@ pub enum Cause {
     PushableObstacle {
         index: u32,
     },
+    /// Something that others move, by the number that its observer gave it.
+    MovingObstacle {
+        id: u32,
+    },
     /// Body speed or yaw rate above the limit.
     Speed,
     /// A wheel would turn faster than it can.
@@ -102,7 +106,8 @@ impl Cause {
             Cause::Wall { .. }
             | Cause::Geofence { .. }
             | Cause::FixedObstacle { .. }
-            | Cause::PushableObstacle { .. } => "wall",
+            | Cause::PushableObstacle { .. }
+            | Cause::MovingObstacle { .. } => "wall",
             Cause::Speed | Cause::WheelSpeed | Cause::Steering | Cause::Turn => "speed",
             Cause::PoseAge
             | Cause::Latency

@@ -4,6 +4,7 @@ use super::Limits;
 use super::chassis::{Chassis, Motion, Numbers, OWN_ROWS};
 use super::intervention::WallSide;
 use super::margin::{Place, approach_m_per_s, bound_against, forbidden, lost_m, reach_m};
+use super::moving::{MovingDisc, bound_against_pushed};
 use super::rows::{NOBODY, Row, Source};
 use super::surroundings::{Body, Geofence};
 use crate::TICK_S;
@@ -14,12 +15,15 @@ pub const MAX_OBSTACLES: usize = 64;
 /// Centres closer than this have no direction between them.
 pub const COINCIDENT_M: f64 = 1e-6;
 
-/// What does not move by itself.
+/// What no robot of the run is.
 #[derive(Debug, Clone)]
 pub struct Scene {
     pub half_arena_m: Vector,
     pub fence: Option<Geofence>,
     pub bodies: Vec<Body>,
+    /// At most so many.
+    pub moving: Vec<MovingDisc>,
+    pub most_moving: usize,
 }
 
 /// Everything about the robots that rows are made of.
@@ -45,6 +49,7 @@ pub struct Listing {
 const WALLS: u64 = 1 << 60;
 const FENCE: u64 = 2 << 60;
 const OBSTACLES: u64 = 3 << 60;
+const MOVING: u64 = 7 << 59;
 const OWN: u64 = 4 << 60;
 
 /// Rows against one thing: `way` of steered robots, `side` inside the margin, `later` for the heading after the turns
@@ -88,6 +93,7 @@ impl Listing {
             each(robots, |i, at| sides(i, at, robots, fence, limits, &mut self.rows));
         }
         each(robots, |i, at| obstacles(i, at, robots, scene, limits, &mut self.rows));
+        each(robots, |i, at| moving(i, at, robots, scene, limits, &mut self.rows));
         self.shared = self.rows.len();
         for (i, own) in self.own.iter_mut().enumerate() {
             let first = self.rows.len();
@@ -104,7 +110,7 @@ impl Listing {
 
 fn capacity(robots: usize, scene: &Scene, steered: bool) -> usize {
     let fence = scene.fence.as_ref().map_or(0, Geofence::sides);
-    let things = 4 + fence + scene.bodies.len().min(MAX_OBSTACLES);
+    let things = 4 + fence + scene.bodies.len().min(MAX_OBSTACLES) + scene.most_moving;
     let pairs = robots * robots.saturating_sub(1) / 2;
     PAIR_ROWS[usize::from(steered)] * pairs + robots * (SINGLE_ROWS[usize::from(steered)] * things + OWN_ROWS)
 }
@@ -269,9 +275,27 @@ fn against(
     };
     let gap_m = free_m - lost_m(place, &other, n, limits);
     let bound = bound_against(approach_m_per_s(gap_m, limits), coming_m_per_s);
+    alone(i, [kind, item], source, [free_m, gap_m, bound], n, robots, limits, rows);
+}
+
+/// The rows of a robot that something else has no part in, unless they are out of reach.
+///
+/// - `[free_m, gap_m, bound]`: what is free as it is seen now, what is sure to be, and the right side of the row.
+#[allow(clippy::too_many_arguments, reason = "one row, each argument one of its parts")]
+fn alone(
+    i: usize,
+    [kind, item]: [u64; 2],
+    source: Source,
+    [free_m, gap_m, bound]: [f64; 3],
+    n: Vector,
+    robots: &Robots,
+    limits: &Limits,
+    rows: &mut Vec<Row>,
+) {
     if bound < -limits.speed_m_per_s {
         return;
     }
+    let place = &robots.places[i];
     let (normals, count) = if bound > 0.0 { ([n, n], 1) } else { forbidden(gap_m, n) };
     for way in 0..ways(i, robots) {
         for (side, normal) in normals.into_iter().take(count).enumerate() {
@@ -372,6 +396,38 @@ fn obstacles(i: usize, at: Vector, robots: &Robots, scene: &Scene, limits: &Limi
             distance_m,
             n,
             coming_m_per_s,
+            robots,
+            limits,
+            rows,
+        );
+    }
+}
+
+/// Rows against what others move; see [`super::moving`].
+fn moving(i: usize, at: Vector, robots: &Robots, scene: &Scene, limits: &Limits, rows: &mut Vec<Row>) {
+    let place = &robots.places[i];
+    for (item, disc) in scene.moving.iter().enumerate() {
+        let line = sub(at, disc.position_m);
+        let distance_m = length(line);
+        let n = if distance_m < COINCIDENT_M {
+            [1.0, 0.0]
+        } else {
+            scale(line, 1.0 / distance_m)
+        };
+        let other = disc.place(place);
+        let (swerve_m, pushed_m_per_s) = disc.pushed(place, limits);
+        let kept_m = limits.robot_margin_m + 2.0 * limits.pose_error_m;
+        let free_m = distance_m - place.radius_m - disc.radius_m - kept_m;
+        let gap_m = free_m - lost_m(place, &other, n, limits) - swerve_m;
+        let approach = approach_m_per_s(gap_m, limits);
+        let bound = bound_against_pushed(approach, dot(n, disc.velocity_m_per_s), pushed_m_per_s);
+        let source = Source::Moving(disc.id);
+        alone(
+            i,
+            [MOVING, item as u64],
+            source,
+            [free_m, gap_m, bound],
+            n,
             robots,
             limits,
             rows,

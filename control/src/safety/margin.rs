@@ -10,7 +10,7 @@ use super::Limits;
 use crate::vector::{Vector, dot, scale, sub};
 
 /// An obstacle slower than this is not fled from: that much is noise of the measurement.
-const FLED_M_PER_S: f64 = 0.1;
+pub const FLED_M_PER_S: f64 = 0.1;
 
 /// Where a robot is and what it may still do, as the filter sees it at one tick.
 #[derive(Debug, Clone, Copy, PartialEq)]

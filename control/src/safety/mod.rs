@@ -7,7 +7,7 @@
 //! ```text
 //! minimise    sum |x_i - x_i,desired|^2          x_i: what the chassis can choose, in m/s
 //! subject to  n . (v_i - v_j) >= -approach(s)    pairs of robots
-//!             n . v_i >= -approach(s)            walls, sides of the geofence, obstacles
+//!             n . v_i >= -approach(s)            walls, sides of the geofence, obstacles; see `moving` for what others move
 //!             |v_i|, |r_i|, |W_k| <= limits      speed, yaw rate, every wheel; steering by keeping the arc
 //! ```
 //!
@@ -21,6 +21,7 @@ mod groups;
 mod intervention;
 mod listing;
 mod margin;
+mod moving;
 #[cfg(test)]
 mod oracle;
 mod pipeline;
@@ -35,6 +36,7 @@ use twin::twist::BodyTwist;
 pub use deadlock::Deadlock;
 pub use filter::{FilterBody, SafetyFilter};
 pub use intervention::{Cause, Intervention, MAX_PRESSURES, Pressure, WallSide};
+pub use moving::{MAX_MOVING, MovingDisc};
 pub use surroundings::{Geofence, MAX_CORNERS};
 
 /// Numbers of the filter.

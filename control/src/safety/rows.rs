@@ -15,6 +15,7 @@ pub enum Source {
     Wall(WallSide),
     Fence(u32),
     Obstacle { pushable: bool, index: u32 },
+    Moving(u32),
     Speed,
     YawRate,
     Wheel(u32),
@@ -29,6 +30,7 @@ impl Source {
             Source::Fence(side) => Cause::Geofence { side },
             Source::Obstacle { pushable: false, index } => Cause::FixedObstacle { index },
             Source::Obstacle { pushable: true, index } => Cause::PushableObstacle { index },
+            Source::Moving(id) => Cause::MovingObstacle { id },
             Source::Speed | Source::YawRate => Cause::Speed,
             Source::Wheel(_) => Cause::WheelSpeed,
         }

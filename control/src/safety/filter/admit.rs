@@ -90,7 +90,7 @@ impl SafetyFilter {
         } else {
             [0.0, 0.0]
         };
-        if listing::crowded(&place, &self.scene, &self.limits) {
+        if self.moving_unknown || listing::crowded(&place, &self.scene, &self.limits) {
             self.halt(i, Cause::Infeasible);
             return;
         }

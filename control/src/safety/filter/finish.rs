@@ -33,7 +33,9 @@ impl SafetyFilter {
                     let hold = &mut self.holds[robot as usize];
                     *hold = match (row.source, *hold) {
                         (Source::Robot, _) | (_, Hold::Robot) => Hold::Robot,
-                        (Source::Wall(_) | Source::Fence(_) | Source::Obstacle { .. }, _) => Hold::Wall,
+                        (Source::Wall(_) | Source::Fence(_) | Source::Obstacle { .. } | Source::Moving(_), _) => {
+                            Hold::Wall
+                        }
                         (_, before) => before,
                     };
                 }

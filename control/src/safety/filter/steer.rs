@@ -59,7 +59,10 @@ impl SafetyFilter {
             if inside { nearest_m } else { -nearest_m }
         });
         let bodies_m = self.scene.bodies.iter().map(|body| body.clearance(point).0);
-        bodies_m.fold(walls_m.min(fence_m), f64::min) - self.radii_m[i]
+        let moving = self.scene.moving.iter();
+        let moving_m = moving.map(|disc| disc.clearance_m(point, &self.places[i], &self.limits));
+        let still_m = bodies_m.fold(walls_m.min(fence_m), f64::min);
+        moving_m.fold(still_m, f64::min) - self.radii_m[i]
     }
 }
 
