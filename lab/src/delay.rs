@@ -254,8 +254,11 @@ mod tests {
         for late_ticks in [2, 8, 18, 30] {
             let truth_s = late_ticks as f64 / 120.0;
             let Answer { driving_s, turning_s } = measured(late_ticks, 1, ROLLING_ANSWER_S).answer();
+            let assumed_s = ROLLING_ANSWER_S + 1.0 / 120.0;
             for found_s in [driving_s, turning_s] {
-                assert!((found_s - truth_s).abs() < 0.015, "{truth_s} s, found {found_s} s");
+                // Pulled to what is assumed by the weight of that: one start against those of 20 s.
+                let bound_s = 0.15 * (truth_s - assumed_s).abs() + 0.005;
+                assert!((found_s - truth_s).abs() < bound_s, "{truth_s} s, found {found_s} s");
             }
         }
         assert!(measured(200, 1, ROLLING_ANSWER_S).answer().driving_s <= LONGEST_MOVING_S);
