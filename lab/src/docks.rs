@@ -81,8 +81,7 @@ fn check_walls(index: usize, pose: Pose, radius_m: f64, lab: &LabDescription) ->
     let axes = [("x_m", pose.x_m, arena.width_m), ("y_m", pose.y_m, arena.height_m)];
     for (axis, value_m, side_m) in axes {
         let most_m = 0.5 * side_m - radius_m - ROOM_M;
-        // Written so that a value that is not a number is refused, too.
-        if !(value_m.abs() <= most_m) {
+        if value_m.is_nan() || value_m.abs() > most_m {
             bail!(
                 "docks[{index}].pose.{axis}: {value_m} m, {:.3} to {most_m:.3} m; move it into the arena",
                 -most_m
