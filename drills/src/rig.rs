@@ -1,13 +1,16 @@
 //! The closed loop in virtual time.
 
-use crate::{Air, AirSettings, Light, LightSettings, Scene};
+mod settings;
+
+pub use settings::RigSettings;
+
+use crate::{Air, Light, Scene};
 use anyhow::{Result, anyhow};
 use control::law::Law;
 use control::safety::SafeCommand;
 use control::scenario::{FieldProblem, Scenario};
 use control::team::Team;
 use emulator::Laboratory;
-use emulator::hidden::Hidden;
 use emulator::keys::Keys;
 use emulator::laboratory::Placement;
 use emulator::unit::Reception;
@@ -25,44 +28,10 @@ use robot::watchdog::WatchdogState;
 
 /// Any key does: nobody else is in the air.
 const KEY_HEX: &str = "000102030405060708090a0b0c0d0e0f";
-/// When the virtual world begins.
-const BEGIN_US: i64 = 50_000_000;
 const PLANT_HZ: i64 = 480;
 const PLANT_TICKS_PER_TICK: i64 = 4;
 /// Frames without motion before the run: clocks get known, robots get seen.
 const PREPARE_TICKS: i64 = 60;
-
-/// Everything outside the laboratory's own code.
-#[derive(Debug, Clone)]
-pub struct RigSettings {
-    pub seed: u64,
-    pub hidden: Hidden,
-    pub light: LightSettings,
-    /// Laboratory to robots, and back.
-    pub up: AirSettings,
-    pub down: AirSettings,
-    /// Quarter of the control period by which the loop's ticks are shifted against the plant's pictures, 0 to 3.
-    pub phase: i64,
-    /// When the virtual world begins, on the laboratory's clock.
-    pub begin_us: i64,
-    /// The law sees where robots will be; see [`Pilot::looking_ahead`].
-    pub looks_ahead: bool,
-}
-
-impl Default for RigSettings {
-    fn default() -> Self {
-        Self {
-            seed: 1,
-            hidden: Hidden::neutral(),
-            light: LightSettings::default(),
-            up: AirSettings::default(),
-            down: AirSettings::default(),
-            phase: 0,
-            begin_us: BEGIN_US,
-            looks_ahead: true,
-        }
-    }
-}
 
 /// Smallest distances of a drill, bounding circle to bounding circle or wall; negative is a collision.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,5 +1,6 @@
 //! Choosing: roles of runs, acceptance of an effect, what the data cannot tell apart.
 
+mod evidence;
 mod round;
 mod split;
 

@@ -2,11 +2,11 @@
 
 use twin::effect::Effect;
 
-use crate::fit::{Fit, Member, Problem, fit, with_members};
+use super::evidence::{judge, stability};
+use crate::fit::{Fit, Member, Problem, fit};
 use crate::floor::{Floor, Metric};
 use crate::hypothesis::{Candidate, Hypothesis};
-use crate::random::Random;
-use crate::record::{CHANNELS, CLASSES, Record, Stages, residuals};
+use crate::record::Record;
 use crate::screen::{Change, Score, all_residuals, columns, scores, thresholds};
 use crate::workers::{Cancelled, Workers, gathered};
 
@@ -24,15 +24,7 @@ const NOTHING_LEFT: f64 = 0.7;
 /// Share of null replicates below the threshold.
 const LEVEL: f64 = 0.995;
 /// Decrease on validation runs that chance does not give, for one candidate (chi^2 of one, 99 %).
-const VALIDATION_GAIN: f64 = 6.6;
-/// Gain on validation runs over that of an effect of just this size, at least.
-const CONSISTENT: f64 = 0.2;
-/// A channel is worse when its energy rises by this share; so much of the whole gain may be lost in one channel, since effects that are
-/// still missing may hide there.
-const WORSE: f64 = 0.1;
-const HARM: f64 = 0.25;
-/// Half-splits, and bootstrap replicates.
-const REPLICATES: usize = 200;
+pub(super) const VALIDATION_GAIN: f64 = 6.6;
 /// A winner that is the best in a smaller share of half-splits has rivals: those that are the best in this share of them.
 const STABLE: f64 = 0.8;
 const RIVAL: f64 = 0.2;
@@ -41,7 +33,7 @@ const MAJORITY: f64 = 0.5;
 /// Cosine from which two effects are one to these runs.
 const SAME: f64 = 0.95;
 /// Difference of gains, as a share, that the laws' own inaccuracy makes.
-const LAW_SHARE: f64 = 0.02;
+pub(super) const LAW_SHARE: f64 = 0.02;
 /// Part of what is explained that the laws of the explanation leave as a rest of their own. Such a rest is of many kinds: an effect that
 /// explains this share of what is left is no part of it.
 const LAW_REST: f64 = 0.01;
@@ -119,10 +111,10 @@ pub struct Stop {
     pub simulations: usize,
 }
 
-struct Fitted {
-    fit: Fit,
-    position: usize,
-    joint: Vec<Member>,
+pub(super) struct Fitted {
+    pub fit: Fit,
+    pub position: usize,
+    pub joint: Vec<Member>,
 }
 
 /// Sensitivities of all candidates' columns on the training runs, `[column][record]`, kept from round to round.
@@ -385,247 +377,18 @@ fn together(workers: &dyn Workers, data: &Round, fitted: &mut [Fitted]) -> Resul
     Ok(())
 }
 
-fn difference(base: &[Vec<f64>], changed: &[Vec<f64>]) -> Vec<Vec<f64>> {
+pub(super) fn difference(base: &[Vec<f64>], changed: &[Vec<f64>]) -> Vec<Vec<f64>> {
     base.iter()
         .zip(changed)
         .map(|(b, c)| b.iter().zip(c).map(|(b, c)| b - c).collect())
         .collect()
 }
 
-fn slices(vectors: &[Vec<f64>]) -> Vec<&[f64]> {
+pub(super) fn slices(vectors: &[Vec<f64>]) -> Vec<&[f64]> {
     vectors.iter().map(Vec::as_slice).collect()
 }
 
 fn cosine(metric: &Metric, a: &[Vec<f64>], b: &[Vec<f64>]) -> f64 {
     let gram = metric.gram(&[slices(a), slices(b)]);
     gram.at(0, 1) / (gram.at(0, 0) * gram.at(1, 1)).sqrt().max(1e-12)
-}
-
-/// Evidence on validation runs and references, and the first gate that it does not pass.
-fn judge(data: &Round, fitted: &Fitted, threshold: f64) -> Finalist {
-    let member = fitted.fit.members[0].clone();
-    let alone = with_members(data.model, core::slice::from_ref(&member));
-    let model = if fitted.joint.is_empty() {
-        alone.clone()
-    } else {
-        with_members(&data.floor.model, &fitted.joint)
-    };
-    let mut finalist = Finalist {
-        position: fitted.position,
-        size: member.candidate.size(&member.values),
-        gain_train: fitted.fit.gain,
-        gain_validation: 0.0,
-        change_validation: 0.0,
-        in_references: 0.0,
-        stability: 0.0,
-        harmful: 1.0,
-        worse: None,
-        because: None,
-        cosine: 0.0,
-        member,
-        joint: fitted.joint.clone(),
-    };
-    let own_stages = finalist.member.candidate.stages;
-    let stages = if fitted.joint.is_empty() {
-        own_stages
-    } else {
-        Stages::BOTH
-    };
-    let pairs = data.validation.records.iter().zip(data.validation.residuals);
-    let changed: Option<Vec<Vec<f64>>> = pairs
-        .map(|(record, base)| residuals(record, &model, stages, Some(base)))
-        .collect();
-    let Some(changed) = changed else {
-        finalist.because = Some("cannot be simulated on the validation runs".to_owned());
-        return finalist;
-    };
-    if !changed.is_empty() {
-        let own = difference(data.validation.residuals, &changed);
-        let gram = data
-            .validation
-            .metric
-            .gram(&[slices(data.validation.residuals), slices(&changed), slices(&own)]);
-        finalist.gain_validation = gram.at(0, 0) - gram.at(1, 1);
-        finalist.change_validation = gram.at(2, 2);
-        finalist.harmful = harmful(data, &changed, finalist.gain_validation);
-        finalist.worse = worse(data, &changed, finalist.gain_validation);
-    }
-    if let Some(metric) = data.reference_metric {
-        finalist.in_references = amplitude_in_references(data, metric, &alone, own_stages).unwrap_or(0.0);
-    }
-    finalist.because = gate(data, &finalist, threshold);
-    finalist
-}
-
-/// Bootstrap of the validation windows: share of replicates with more energy than before. A run in which an effect does not act (a limit
-/// that is not reached) is not made worse by it.
-fn harmful(data: &Round, changed: &[Vec<f64>], gain: f64) -> f64 {
-    let nothing = (VALIDATION_GAIN * data.floor.inflation()).max(LAW_SHARE * gain);
-    let mut random = Random::new(data.seed, 0x6861_726d);
-    let mut runs: Vec<Vec<f64>> = Vec::new();
-    for (run, record) in data.validation.records.iter().enumerate() {
-        runs.push(window_gains(
-            data.validation.metric,
-            run,
-            record,
-            &data.validation.residuals[run],
-            &changed[run],
-        ));
-    }
-    let mut worse = 0;
-    for _ in 0..REPLICATES {
-        let mut sum = 0.0;
-        for _ in 0..runs.len() {
-            let run = &runs[random.below(runs.len())];
-            for _ in 0..run.len() {
-                sum += run[random.below(run.len())];
-            }
-        }
-        worse += usize::from(sum < -nothing);
-    }
-    worse as f64 / REPLICATES as f64
-}
-
-/// The channel of the validation runs that loses most, and its loss as a share of the whole gain.
-fn worse(data: &Round, changed: &[Vec<f64>], gain: f64) -> Option<(usize, f64)> {
-    let mut energies = [[0.0; 4]; CLASSES];
-    for (run, record) in data.validation.records.iter().enumerate() {
-        let weights = data.floor.noise.weights(record);
-        let residuals = data.validation.residuals[run].iter().zip(&changed[run]);
-        for ((place, weight), (before, after)) in record.places().iter().zip(weights).zip(residuals) {
-            if let Some(quantity) = place.quantity {
-                let [old, new, plain_old, plain_new] = &mut energies[quantity.class()];
-                *old += weight * before * before;
-                *new += weight * after * after;
-                *plain_old += before * before;
-                *plain_new += after * after;
-            }
-        }
-    }
-    let chance = VALIDATION_GAIN * data.floor.inflation();
-    energies
-        .iter()
-        .enumerate()
-        .filter(|(_, [old, new, _, _])| *new > (1.0 + WORSE) * old && new - old > chance)
-        .map(|(class, [old, new, plain_old, plain_new])| {
-            let share = (new - old) / gain.max(1.0);
-            // Twice as bad in the channel's own unit is harm, however little the floor expects of the channel.
-            let is_doubled = *plain_new > 4.0 * plain_old;
-            (class, if is_doubled { share.max(1.0) } else { share })
-        })
-        .max_by(|a, b| a.1.total_cmp(&b.1))
-}
-
-/// Decrease of the weighted energy of every window.
-fn window_gains(metric: &Metric, run: usize, record: &Record, before: &[f64], after: &[f64]) -> Vec<f64> {
-    let mut to = 0;
-    let ends: Vec<usize> = record
-        .windows
-        .iter()
-        .map(|window| {
-            to += window.drive.len() + window.rolling.as_ref().map_or(0, crate::record::Chain::len);
-            to
-        })
-        .collect();
-    let (before, after) = (metric.energies(run, &ends, before), metric.energies(run, &ends, after));
-    before.iter().zip(after).map(|(before, after)| before - after).collect()
-}
-
-fn amplitude_in_references(data: &Round, metric: &Metric, model: &Hypothesis, stages: Stages) -> Option<f64> {
-    let pairs = data.floor.references.iter().zip(&data.floor.residuals);
-    let changed: Option<Vec<Vec<f64>>> = pairs
-        .map(|(record, base)| residuals(record, model, stages, Some(base)))
-        .collect();
-    let own = difference(&data.floor.residuals, &changed?);
-    let gram = metric.gram(&[slices(&data.floor.residuals), slices(&own)]);
-    // Too weak on the references to say.
-    (gram.at(1, 1) > 9.0).then(|| gram.at(0, 1) / gram.at(1, 1))
-}
-
-fn gate(data: &Round, finalist: &Finalist, threshold: f64) -> Option<String> {
-    if finalist.gain_train < threshold {
-        return Some(format!(
-            "gain {:.0} on the training runs is below the threshold {threshold:.0}",
-            finalist.gain_train
-        ));
-    }
-    if !data.validation.records.is_empty() {
-        let least = VALIDATION_GAIN * data.floor.inflation();
-        if finalist.gain_validation < least {
-            return Some(format!(
-                "gain {:.0} on the validation runs is below {least:.0}",
-                finalist.gain_validation
-            ));
-        }
-        if finalist.gain_validation < CONSISTENT * finalist.change_validation {
-            return Some("changes the validation runs more than it explains of them".to_owned());
-        }
-        if let Some((class, share)) = finalist.worse.filter(|worse| worse.1 > HARM) {
-            return Some(format!(
-                "makes {} worse by {:.0} % of what it gains",
-                CHANNELS[class],
-                100.0 * share
-            ));
-        }
-        if finalist.harmful > 0.05 {
-            return Some(format!(
-                "makes {:.0} % of the bootstrap replicates worse",
-                100.0 * finalist.harmful
-            ));
-        }
-    }
-    if finalist.in_references > 0.5 {
-        return Some(format!(
-            "is in the references as well, at {:.0} % of its size",
-            100.0 * finalist.in_references
-        ));
-    }
-    let at_bound = finalist
-        .member
-        .candidate
-        .axes
-        .iter()
-        .zip(&finalist.member.values)
-        .any(|(axis, value)| {
-            axis.carries_size
-                && axis.neutral.is_finite()
-                && axis.low != axis.neutral
-                && axis.high != axis.neutral
-                && (value <= &axis.low || value >= &axis.high)
-        });
-    at_bound.then(|| "its best value is at the end of the possible range".to_owned())
-}
-
-/// Share of half-splits of all windows in which a finalist, or one just like it, gains most.
-fn stability(data: &Round, pairs: &mut [(Finalist, &Fitted)]) {
-    let gains: Vec<Vec<f64>> = pairs
-        .iter()
-        .map(|(_, fitted)| {
-            let mut all = Vec::new();
-            for (run, record) in data.train.records.iter().enumerate() {
-                let (before, after) = (&data.train.residuals[run], &fitted.fit.residuals[run]);
-                all.extend(window_gains(data.train.metric, run, record, before, after));
-            }
-            all
-        })
-        .collect();
-    let windows = gains.first().map_or(0, Vec::len);
-    if windows == 0 {
-        return;
-    }
-    let passes: Vec<bool> = pairs.iter().map(|(finalist, _)| finalist.because.is_none()).collect();
-    let mut wins = vec![0.0; pairs.len()];
-    let mut random = Random::new(data.seed, 0x6861_6c66);
-    for _ in 0..REPLICATES {
-        let half: Vec<usize> = (0..windows).filter(|_| random.uniform() < 0.5).collect();
-        let sums: Vec<f64> = gains.iter().map(|gain| half.iter().map(|w| gain[*w]).sum()).collect();
-        let open = sums.iter().zip(&passes).filter(|(_, passes)| **passes);
-        let best = open.map(|(sum, _)| *sum).fold(f64::NEG_INFINITY, f64::max);
-        for (win, sum) in wins.iter_mut().zip(&sums) {
-            *win += f64::from(u8::from(*sum >= 0.95 * best && *sum > 0.0));
-        }
-    }
-    for ((finalist, _), win) in pairs.iter_mut().zip(wins) {
-        finalist.stability = win / REPLICATES as f64;
-    }
 }
