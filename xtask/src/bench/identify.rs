@@ -22,7 +22,7 @@ pub fn bench(arguments: &IdentifyArguments) -> Result<End> {
         "--package",
         "identify",
         "--example",
-        "speed",
+        "ten_minutes",
         "--",
     ]);
     command.args(&arguments.logs);

@@ -1,6 +1,6 @@
 //! CPU seconds of a diagnosis of ten minutes of logs with the whole library on one thread, by stage.
 //!
-//! `cargo xtask bench identify`, or `cargo run --release -p identify --example speed -- [CHASSIS] [EFFECT] [SIZE] [SEED]`.
+//! `cargo xtask bench identify`, or `cargo run --release -p identify --example ten_minutes -- [CHASSIS] [EFFECT] [SIZE] [SEED]`.
 //! The logs are thirty runs of 20 s of the emulator's plant, ten of them references; making them is not counted. The diagnosis
 //! is serial, so what passes between two calls of it is its own: a stage is what it says of itself ([`Workers::progress`]), and
 //! within a round what comes before the first fit is screening.
