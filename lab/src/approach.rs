@@ -93,7 +93,7 @@ pub(crate) async fn ride(
     let setup = Setup {
         team,
         robots,
-        strangers: run::strangers(lab),
+        strangers: run::strangers(lab, assignment),
         ports,
         poses,
         telemetry,

@@ -107,7 +107,7 @@ async fn try_attempt(
     let setup = Setup {
         team,
         robots: pilot_robots(lab, &ports, &limits(assignment)?)?,
-        strangers: strangers(lab),
+        strangers: strangers(lab, assignment),
         ports,
         poses,
         telemetry,
@@ -215,11 +215,18 @@ pub(crate) fn pilot_robots(
     made.collect::<Option<_>>().ok_or_else(gone)
 }
 
-/// Sizes of the laboratory's robots: those that are not in the run may stand on the floor.
-pub(crate) fn strangers(lab: &Lab) -> Strangers {
+/// Sizes of the laboratory's robots: those that are not in the run may stand on the floor. Parked ones are obstacles of the
+/// assignment under their names.
+pub(crate) fn strangers(lab: &Lab, assignment: &Assignment) -> Strangers {
     let robots = lab.description.robots.iter();
     let known: Vec<_> = robots.map(|robot| (robot.number, robot.bounding_radius_m)).collect();
-    Strangers::new(&known)
+    let fixed = assignment.arena.contents.iter().flat_map(|contents| &contents.fixed);
+    let parked = fixed.filter_map(|obstacle| {
+        let mut robots = lab.description.robots.iter();
+        let robot = robots.find(|robot| robot.description.name == obstacle.name)?;
+        Some((robot.number, [obstacle.pose.x_m, obstacle.pose.y_m]))
+    });
+    Strangers::new(&known).beside(parked.collect())
 }
 
 pub(crate) fn signals(

@@ -18,6 +18,8 @@ const HIDDEN_US: i64 = 500_000;
 const HIDDEN_M: f64 = 0.15;
 /// And for this long it is not on the floor any more.
 const GONE_US: i64 = 10_000_000;
+/// A robot that stands as a fixed obstacle has been moved when it is this far from its place.
+const MOVED_M: f64 = 0.03;
 /// The way between two poses this far apart makes a velocity where the localisation does not tell one.
 const SLOPE_US: i64 = 60_000;
 
@@ -37,6 +39,8 @@ struct Stranger {
 pub struct Strangers {
     /// Circle of each number.
     radii_m: [f64; 256],
+    /// Robots that the arena of this run has as fixed obstacles, with their places.
+    standing: Vec<(u8, [f64; 2])>,
     /// In the order of their numbers.
     seen: Vec<Stranger>,
     discs: Vec<MovingDisc>,
@@ -59,10 +63,18 @@ impl Strangers {
         }
         Self {
             radii_m,
+            standing: Vec::new(),
             // One more than there may be, so that too many are noticed.
             seen: Vec::with_capacity(MOST + 1),
             discs: Vec::with_capacity(MOST + 1),
         }
+    }
+
+    /// Robots that are fixed obstacles already, with their places, m: they count here once they are moved.
+    #[must_use]
+    pub fn beside(mut self, standing: Vec<(u8, [f64; 2])>) -> Self {
+        self.standing = standing;
+        self
     }
 
     /// A robot of no run was seen.
@@ -97,7 +109,14 @@ impl Strangers {
     pub fn discs(&mut self, now_us: i64) -> &[MovingDisc] {
         self.seen.retain(|one| now_us - one.exposure_us < GONE_US);
         self.discs.clear();
-        let robots = self.seen.iter().filter(|one| one.sightings >= SIGHTINGS);
+        let stands = |one: &&Stranger| {
+            let place = self.standing.iter().find(|(number, _)| *number == one.number);
+            place.is_some_and(|(_, [x_m, y_m])| f64::hypot(one.position_m[0] - x_m, one.position_m[1] - y_m) < MOVED_M)
+        };
+        let robots = self
+            .seen
+            .iter()
+            .filter(|one| one.sightings >= SIGHTINGS && !stands(one));
         self.discs.extend(robots.map(|one| {
             let age_us = (now_us - one.exposure_us).max(0);
             let hidden = age_us > HIDDEN_US;
@@ -180,6 +199,19 @@ mod tests {
             (7, 0.3, [1.0, 0.5])
         );
         assert!((discs[0].age_s - 0.008_333).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_parked_robot_is_an_obstacle_until_it_is_pushed() {
+        let mut strangers = Strangers::default().beside(vec![(3, [1.0, 0.5])]);
+        for k in 0..3 {
+            strangers.see(&pose(3, 1.02, None), k * TICK_US);
+            strangers.see(&pose(4, 1.0, None), k * TICK_US);
+        }
+        let discs = strangers.discs(3 * TICK_US);
+        assert_eq!((discs.len(), discs[0].id), (1, 4));
+        strangers.see(&pose(3, 1.04, None), 3 * TICK_US);
+        assert_eq!(strangers.discs(4 * TICK_US).len(), 2);
     }
 
     #[test]
