@@ -24,6 +24,8 @@ const TESTABLE: f64 = 5.0;
 const NORMAL_95: f64 = 1.96;
 /// Standard deviation of a size for the plant's other law, as a share of the change, at least; limits change by this share of themselves.
 const LAW_LEAST: f64 = 0.01;
+/// A larger rest, as a share of what is explained, is of other effects.
+const LAW_MOST: f64 = 0.04;
 const LIMIT_SHARE: f64 = 0.2;
 /// Calibration is listed from this many standard deviations.
 const LISTED: f64 = 3.0;
@@ -192,7 +194,7 @@ fn parameters(case: &Case, position: usize, finalist: &Finalist) -> Vec<Paramete
             LIMIT_SHARE * value.abs()
         };
         let law = if axis.carries_size {
-            change * (LAW_LEAST + 0.5 * case.law_rest.sqrt())
+            change * (LAW_LEAST + 0.5 * case.law_rest.min(LAW_MOST).sqrt())
         } else {
             0.0
         };
