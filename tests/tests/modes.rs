@@ -58,10 +58,7 @@ async fn every_mode_runs_with_the_other_side_stopped() -> anyhow::Result<()> {
     let topics = archive.mcap_topics()?;
     let followed = topics.get("/virtual/omni-01/pose").copied().unwrap_or(0);
     anyhow::ensure!(followed as f64 >= 20.0 * (SHORT_S - 1.5), "{topics:?}");
-    let log = system.log("simulate");
-    let followed = log.lines().rev().find(|line| line.contains("followed: gap"));
-    println!("{}", followed.unwrap_or("not followed"));
-    anyhow::ensure!(followed.is_some(), "no figures of the followed robot: {log}");
+    system.wait_for_log("simulate", "followed: gap", LIMIT).await?;
     system.signal("simulate", libc::SIGSTOP)?;
     for mode in ["physical", "interactive"] {
         let archive = archive_of(&system, mode).await?;
