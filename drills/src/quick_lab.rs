@@ -9,6 +9,7 @@ use emulator::hidden::Hidden;
 use emulator::keys::Keys;
 use lab::backoff::Backoff;
 use lab::desk::{Desk, DeskPlaces};
+use lab::ending::run_until_signal;
 use lab::hub::ADDRESS_FILE;
 use lab::service::ServiceError;
 use lab::{salvage, stream};
@@ -16,7 +17,6 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
-use tokio::signal::unix::{SignalKind, signal};
 
 /// How long the service may hold a claim.
 const WAIT_S: f64 = 20.0;
@@ -97,8 +97,6 @@ fn main() -> Result<()> {
 }
 
 async fn live(desk: Arc<Desk>, description: Arc<LabDescription>, shelf: Shelf, seed: u64) -> Result<()> {
-    let mut terminate = signal(SignalKind::terminate())?;
-    let mut interrupt = signal(SignalKind::interrupt())?;
     tokio::spawn(stream::keep(desk.service.clone(), desk.watchers.subscribe()));
     let (status_desk, status_lab) = (desk.clone(), description.clone());
     tokio::spawn(async move {
@@ -110,20 +108,8 @@ async fn live(desk: Arc<Desk>, description: Arc<LabDescription>, shelf: Shelf, s
             tokio::time::sleep(STATUS_PERIOD).await;
         }
     });
-    let mut claiming = tokio::spawn(keep_claiming(desk.clone(), description, shelf, seed));
-    tokio::select! {
-        _ = terminate.recv() => {}
-        _ = interrupt.recv() => {}
-        ended = &mut claiming => return ended.context("the claim loop failed"),
-    }
-    desk.shutdown.request();
-    match tokio::time::timeout(EXIT_LIMIT, claiming).await {
-        Ok(ended) => ended.context("the claim loop failed"),
-        Err(_) => {
-            tracing::warn!("ending with work left; it is salvaged at the next start");
-            Ok(())
-        }
-    }
+    let claiming = tokio::spawn(keep_claiming(desk.clone(), description, shelf, seed));
+    run_until_signal(&desk, claiming, EXIT_LIMIT).await
 }
 
 /// All robots are fit: what is wrong with them is in the plant, where nobody looks.

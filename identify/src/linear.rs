@@ -33,6 +33,13 @@ impl Square {
         self.values[row * self.size + column] += value;
     }
 
+    /// All entries times a factor.
+    pub fn scale(&mut self, factor: f64) {
+        for value in &mut self.values {
+            *value *= factor;
+        }
+    }
+
     /// The rows and columns of a list, in its order.
     pub fn part(&self, chosen: &[usize]) -> Square {
         let mut part = Square::zero(chosen.len());

@@ -1,12 +1,13 @@
 //! The whole workflow on runs of another plant: the emulator's body, with errors of its own in every number.
 
 mod plant;
+mod threads;
 
 use identify::diagnose::{DiagnoseError, Diagnosis, Input, Run, diagnose};
 use identify::report::Verdict;
-use identify::workers::{Serial, Workers};
+use identify::workers::Serial;
 use plant::{background, robot, run, with_effect};
-use std::sync::atomic::{AtomicUsize, Ordering};
+use threads::Threads;
 
 /// References and changed runs of a chassis, 14 s each.
 fn input(chassis: &str, effect: &str, size: f64, counts: (usize, usize)) -> Input {
@@ -27,31 +28,9 @@ fn input(chassis: &str, effect: &str, size: f64, counts: (usize, usize)) -> Inpu
 }
 
 fn found(input: &Input) -> Diagnosis {
-    match diagnose(&Threads, input) {
+    match diagnose(&Threads(2), input) {
         Ok(found) => found,
         Err(error) => panic!("{error}"),
-    }
-}
-
-/// Two threads, items in no particular order.
-struct Threads;
-
-impl Workers for Threads {
-    fn run(&self, count: usize, work: &(dyn Fn(usize) + Sync)) {
-        let next = AtomicUsize::new(0);
-        std::thread::scope(|scope| {
-            for _ in 0..2 {
-                scope.spawn(|| {
-                    loop {
-                        let item = next.fetch_add(1, Ordering::Relaxed);
-                        if item >= count {
-                            break;
-                        }
-                        work(item);
-                    }
-                });
-            }
-        });
     }
 }
 

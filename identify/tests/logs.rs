@@ -172,6 +172,7 @@ fn fitted(side: &Side, model: &Hypothesis, members: Vec<Member>) -> Fit {
         metric: &metric,
         base: model,
         residuals: &side.residuals,
+        wanted_gain: f64::NEG_INFINITY,
     };
     match fit(&problem, members) {
         Some(fit) => fit,

@@ -1,14 +1,14 @@
 //! Negative controls: data in which there is nothing to name, or nothing that a name could be right for.
 
 mod plant;
+mod threads;
 
 use emulator::noise::Noise;
 use identify::channel::Channel;
 use identify::diagnose::{Diagnosis, Input, Run, diagnose};
 use identify::report::{Report, Verdict};
-use identify::workers::Workers;
 use plant::{Change, background, robot, run, with_effect};
-use std::sync::atomic::{AtomicUsize, Ordering};
+use threads::Threads;
 use twin::pose::Pose;
 use twin::replay::replay;
 
@@ -16,28 +16,6 @@ const CHASSIS: &str = "diff2";
 const SECONDS: usize = 20;
 const REFERENCES: u64 = 4;
 const RUNS: u64 = 6;
-
-/// Two threads, items in no particular order.
-struct Threads;
-
-impl Workers for Threads {
-    fn run(&self, count: usize, work: &(dyn Fn(usize) + Sync)) {
-        let next = AtomicUsize::new(0);
-        std::thread::scope(|scope| {
-            for _ in 0..2 {
-                scope.spawn(|| {
-                    loop {
-                        let item = next.fetch_add(1, Ordering::Relaxed);
-                        if item >= count {
-                            break;
-                        }
-                        work(item);
-                    }
-                });
-            }
-        });
-    }
-}
 
 fn healthy() -> Change {
     let description = robot(CHASSIS);
@@ -69,7 +47,7 @@ fn found(references: Vec<Run>, runs: Vec<Run>) -> Diagnosis {
         model: None,
         seed: 1,
     };
-    let found = diagnose(&Threads, &input).unwrap_or_else(|error| panic!("{error}"));
+    let found = diagnose(&Threads(2), &input).unwrap_or_else(|error| panic!("{error}"));
     let names: Vec<_> = found
         .report
         .effects

@@ -19,6 +19,7 @@ pub mod desk;
 pub mod docks;
 mod durable;
 pub mod ear;
+pub mod ending;
 pub mod epochs;
 pub mod estimator;
 mod feed;

@@ -3,10 +3,10 @@
 use anyhow::{Context, Result};
 use clap::Parser;
 use lab::config::Config;
+use lab::ending::run_until_signal;
 use lab::lab::Lab;
 use lab::{claim, idle, stop_port, stream};
 use std::time::Duration;
-use tokio::signal::unix::{SignalKind, signal};
 use tracing_subscriber::EnvFilter;
 
 /// After a wish to end, the process ends within this time whatever is left to do.
@@ -35,23 +35,8 @@ fn main() -> Result<()> {
 }
 
 async fn live(lab: std::sync::Arc<Lab>) -> Result<()> {
-    let mut terminate = signal(SignalKind::terminate())?;
-    let mut interrupt = signal(SignalKind::interrupt())?;
     tokio::spawn(claim::keep_status(lab.clone()));
     tokio::spawn(stream::keep(lab.desk.service.clone(), lab.desk.watchers.subscribe()));
-    let mut claiming = tokio::spawn(claim::keep_claiming(lab.clone()));
-    tokio::select! {
-        _ = terminate.recv() => {}
-        _ = interrupt.recv() => {}
-        ended = &mut claiming => return ended.context("the claim loop failed"),
-    }
-    tracing::info!("ending");
-    lab.desk.shutdown.request();
-    match tokio::time::timeout(EXIT_LIMIT, claiming).await {
-        Ok(ended) => ended.context("the claim loop failed"),
-        Err(_) => {
-            tracing::warn!("ending with work left; it is salvaged at the next start");
-            Ok(())
-        }
-    }
+    let claiming = tokio::spawn(claim::keep_claiming(lab.clone()));
+    run_until_signal(&lab.desk, claiming, EXIT_LIMIT).await
 }

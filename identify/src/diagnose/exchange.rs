@@ -29,11 +29,16 @@ pub(super) fn exchange(
     if trials.is_empty() {
         return Ok(joint);
     }
+    let gains = taken.iter().map(|own| slack(own.finalist.gain_train));
+    let trial = Problem {
+        wanted_gain: joint.gain - gains.fold(0.0, f64::max),
+        ..*problem
+    };
     let fits = gathered(workers, trials.len(), &|item| {
         let (position, rival) = &trials[item];
         let mut members = joint.members.clone();
         members[*position] = rival.member.clone();
-        fit(problem, members)
+        fit(&trial, members)
     })?;
     let mut best: Option<(usize, Fit)> = None;
     for (item, found) in fits.into_iter().enumerate() {

@@ -246,3 +246,37 @@ fn add_pose(errors: &mut Errors, sample: &GapSample, liveliness: &Liveliness) {
     let square = sample.yaw_rad * sample.yaw_rad;
     push(errors, (POSE + 1, horizon), Sample { square, expected });
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sample(square: f64, expected: f64) -> Sample {
+        Sample { square, expected }
+    }
+
+    /// Windows of which the floor expects twice the standard deviation of the references' have twice their floor.
+    #[test]
+    fn floor_follows_what_windows_are_expected_to_err() {
+        let references = [sample(4.0, 1.0), sample(2.0, 1.0)];
+        let alike = floor_of(&references, &[sample(0.0, 1.0)], 0);
+        let livelier = floor_of(&references, &[sample(0.0, 4.0), sample(9.0, 4.0)], 0);
+        assert!((alike - 3.0_f64.sqrt()).abs() < 1e-12);
+        assert!((livelier / alike - 2.0).abs() < 1e-12);
+    }
+
+    /// Poses that err by 1 mm + 1 mm per rad/s of harshness: locked runs three times as harsh are allowed about three times as much.
+    #[test]
+    fn floor_of_poses_follows_how_harshly_wheels_were_driven() {
+        let reference = |k: usize| {
+            let harshness = 4.0 * (k % 40) as f64 / 39.0;
+            sample(1e-6 + 1e-6 * harshness * harshness, harshness * harshness)
+        };
+        let references: Vec<Sample> = (0..400).map(reference).collect();
+        let locked = [sample(0.0, 4.0)];
+        let floor_m = floor_of(&references, &locked, POSE);
+        assert!((floor_m - 5e-6_f64.sqrt()).abs() < 0.3e-3, "{floor_m}");
+        let quiet_m = floor_of(&references, &[sample(0.0, 0.0)], POSE);
+        assert!(quiet_m < 0.7 * floor_m, "{quiet_m}");
+    }
+}

@@ -5,19 +5,21 @@ mod exchange;
 mod excited;
 mod gap_table;
 mod next;
+mod prepared;
 
 use twin::model_document::ModelDocument;
 
 use crate::bundle::Bundle;
 use crate::fit::{Fit, Member, Problem, fit, with_members};
-use crate::floor::{Floor, Metric, knob_changes};
+use crate::floor::{Floor, Metric};
 use crate::hypothesis::{Candidate, Hypothesis, Knob, candidates, knobs};
 use crate::locate::{Located, locate};
 use crate::record::{Record, Stages};
 use crate::report::Report;
-use crate::screen::{Score, all_residuals, columns};
-use crate::select::{Finalist, Role, Round, Sensitivities, Side, Stop, roles, round, slack_of};
+use crate::screen::{Score, all_residuals};
+use crate::select::{Finalist, Role, Round, Sensitivities, Stop, roles, round, slack_of};
 use crate::workers::{Cancelled, Workers};
+use prepared::{Prepared, prepare};
 
 /// Version of the effect library and of this workflow.
 pub const LIBRARY_VERSION: &str = "1";
@@ -266,49 +268,6 @@ fn knob_stages(knob: &Knob, candidates: &[Candidate]) -> Stages {
     }
 }
 
-/// Residuals, knob sensitivities and the product of some records.
-struct Prepared {
-    records: Vec<Record>,
-    residuals: Vec<Vec<f64>>,
-    sensitivities: Vec<Vec<Vec<f64>>>,
-    metric: Metric,
-}
-
-impl Prepared {
-    /// Residuals under another model, and the floor's present weights.
-    fn renew(&mut self, workers: &dyn Workers, floor: &Floor, model: &Hypothesis) -> Result<(), Cancelled> {
-        let simulated = all_residuals(workers, &self.records, model)?;
-        for (residual, new) in self.residuals.iter_mut().zip(simulated) {
-            *residual = new.unwrap_or_else(|| residual.clone());
-        }
-        self.metric = floor.metric(&self.records, &self.sensitivities);
-        Ok(())
-    }
-}
-
-fn prepare(
-    workers: &dyn Workers,
-    floor: &Floor,
-    records: Vec<Record>,
-    stages: &[Stages],
-) -> Result<Prepared, Cancelled> {
-    let simulated = all_residuals(workers, &records, &floor.model)?;
-    let (records, residuals): (Vec<Record>, Vec<Vec<f64>>) = records
-        .into_iter()
-        .zip(simulated)
-        .filter_map(|(record, residual)| Some((record, residual?)))
-        .unzip();
-    let changes = knob_changes(&floor.model, &floor.knobs, stages);
-    let sensitivities = columns(workers, &records, &residuals, &changes)?;
-    let metric = floor.metric(&records, &sensitivities);
-    Ok(Prepared {
-        records,
-        residuals,
-        sensitivities,
-        metric,
-    })
-}
-
 fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(), DiagnoseError> {
     let of_role = |case: &Case, role: Role| -> Vec<Record> {
         let pairs = case.records.iter().zip(&case.roles);
@@ -320,6 +279,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
     workers.progress("sensitivities", 0.15);
     let mut train = prepare(workers, &case.floor, of_role(case, Role::Train), stages)?;
     let mut validation = prepare(workers, &case.floor, of_role(case, Role::Validation), stages)?;
+    let mut coarse = train.thinned(&case.floor);
     let locked = of_role(case, Role::Locked);
     case.locked.extend(locked);
     let mut reference_metric = reference_metric(&case.floor);
@@ -340,16 +300,9 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
             &Round {
                 floor: &case.floor,
                 reference_metric: reference_metric.as_ref(),
-                train: Side {
-                    records: &train.records,
-                    metric: &train.metric,
-                    residuals: &train.residuals,
-                },
-                validation: Side {
-                    records: &validation.records,
-                    metric: &validation.metric,
-                    residuals: &validation.residuals,
-                },
+                train: train.side(),
+                coarse: coarse.as_ref().map_or_else(|| train.side(), Prepared::side),
+                validation: validation.side(),
                 model: &model,
                 candidates: &case.candidates,
                 members: &members,
@@ -380,6 +333,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
             let model = with_members(&case.floor.model, &members);
             train.renew(workers, &case.floor, &model)?;
             validation.renew(workers, &case.floor, &model)?;
+            coarse = train.thinned(&case.floor);
             if members.is_empty() {
                 case.located = locate(&case.floor, &train.records, &train.residuals);
                 levels(case, reference_metric.as_ref(), &train, &validation);
@@ -408,6 +362,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
             metric: &train.metric,
             base: &case.floor.model,
             residuals: &base,
+            wanted_gain: f64::NEG_INFINITY,
         };
         let Some(joint) = fit(&problem, members.clone()) else {
             break;
@@ -425,6 +380,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
         let model = with_members(&case.floor.model, &members);
         train.renew(workers, &case.floor, &model)?;
         validation.renew(workers, &case.floor, &model)?;
+        coarse = train.thinned(&case.floor);
         kept.outdate();
     }
     let mut after = run_energies(&train.metric, &train.residuals);
@@ -455,6 +411,7 @@ fn finish(
         metric: &both.metric,
         base: &case.floor.model,
         residuals: &both.residuals,
+        wanted_gain: f64::NEG_INFINITY,
     };
     case.fit = fit(&problem, members);
     if let Some(fit) = &case.fit {
@@ -528,6 +485,7 @@ fn absorb(floor: &mut Floor, metric: &Metric, finalist: &Finalist, runs: usize) 
         metric,
         base: &floor.model,
         residuals: &floor.residuals,
+        wanted_gain: f64::NEG_INFINITY,
     };
     let Some(fit) = fit(&problem, vec![finalist.member.clone()]) else {
         return false;

@@ -6,12 +6,15 @@ use crate::linear::Square;
 use crate::record::{Record, Stages, residuals};
 
 /// Runs, product and the model that effects are added to.
+#[derive(Clone, Copy)]
 pub struct Problem<'a> {
     pub records: &'a [Record],
     pub metric: &'a Metric,
     pub base: &'a Hypothesis,
     /// Residuals under the base.
     pub residuals: &'a [Vec<f64>],
+    /// Fits that cannot come near this gain are not finished; `-inf`: all are.
+    pub wanted_gain: f64,
 }
 
 /// An effect with values of its axes.
@@ -44,6 +47,19 @@ const LEAST_GAIN: f64 = 0.3;
 const LEAST_SHARE: f64 = 0.002;
 /// Most steps of a pattern search along an axis.
 const MOST_MOVES: usize = 4;
+/// Its steps as parts of a practical size: for laws with corners, and for others, whose slopes may lie where a robot just slips or just
+/// does not.
+const FINER: [f64; 5] = [1.0, 0.5, 0.25, 0.12, 0.06];
+const NEAR: [f64; 1] = [0.25];
+/// Dampings that are tried for a step.
+const TRIALS: usize = 4;
+/// A limit that is far too low is raised by this factor, so many times.
+const RAISED: f64 = 1.3;
+const MOST_RAISES: usize = 6;
+/// A law is not linear: a fit may gain this many times what its slopes promise.
+const HOPE: f64 = 4.0;
+/// Steps after which a fit must be better than nothing.
+const PATIENCE: usize = 3;
 
 /// The hypothesis with all members.
 pub fn with_members(base: &Hypothesis, members: &[Member]) -> Hypothesis {
@@ -82,6 +98,16 @@ fn step_of(axis: &Axis, value: f64) -> f64 {
     near.max(0.04 * (value - axis.neutral).abs())
 }
 
+/// Steps of the pattern searches of a fit, as parts of a practical size.
+fn steps_of_search(rough: bool, limited: bool, searches: usize) -> &'static [f64] {
+    match (rough, limited, searches) {
+        (true, _, 0) => &FINER,
+        (false, true, 0) => &FINER[..3],
+        (false, false, 0) => &NEAR,
+        _ => &[],
+    }
+}
+
 fn clamped(axis: &Axis, value: f64) -> f64 {
     value.clamp(axis.low, axis.high.min(1e6))
 }
@@ -92,7 +118,23 @@ struct Search<'a> {
     simulations: usize,
 }
 
-impl Search<'_> {
+impl<'a> Search<'a> {
+    fn new(problem: &'a Problem<'a>, members: &[Member]) -> Search<'a> {
+        let nothing = Stages {
+            drive: false,
+            rolling: false,
+        };
+        let stages = members.iter().fold(nothing, |all, member| Stages {
+            drive: all.drive || member.candidate.stages.drive,
+            rolling: all.rolling || member.candidate.stages.rolling,
+        });
+        Search {
+            problem,
+            stages,
+            simulations: 0,
+        }
+    }
+
     fn simulate(&mut self, members: &[Member]) -> Option<Vec<Vec<f64>>> {
         let model = with_members(self.problem.base, members);
         model.robot()?;
@@ -109,23 +151,30 @@ impl Search<'_> {
     }
 }
 
+/// Where a fit stands, and what its slopes promise.
+struct Outlook {
+    iteration: usize,
+    gain: f64,
+    promised: f64,
+}
+
+impl Outlook {
+    /// The slopes promise nothing more.
+    fn is_best(&self) -> bool {
+        self.promised < LEAST_GAIN || self.promised < LEAST_SHARE * self.gain
+    }
+
+    /// More steps would not make a name of it.
+    fn is_hopeless(&self, wanted_gain: f64) -> bool {
+        let is_far = self.iteration > 0 && self.gain + HOPE * self.promised < wanted_gain;
+        let is_late = wanted_gain > 0.0 && self.iteration >= PATIENCE && self.gain <= 0.0;
+        is_far || is_late
+    }
+}
+
 /// Fits all finite axes of the members, started at their values. `None` when the start cannot be simulated.
 pub fn fit(problem: &Problem, start: Vec<Member>) -> Option<Fit> {
-    let stages = start.iter().fold(
-        Stages {
-            drive: false,
-            rolling: false,
-        },
-        |all, member| Stages {
-            drive: all.drive || member.candidate.stages.drive,
-            rolling: all.rolling || member.candidate.stages.rolling,
-        },
-    );
-    let mut search = Search {
-        problem,
-        stages,
-        simulations: 0,
-    };
+    let mut search = Search::new(problem, &start);
     let free = free_axes(&start);
     let mut members = start;
     for member in &mut members {
@@ -140,25 +189,43 @@ pub fn fit(problem: &Problem, start: Vec<Member>) -> Option<Fit> {
     let base_energy = search.energy(problem.residuals);
     let mut now = search.simulate(&members)?;
     let mut energy = search.energy(&now);
+    if raise_limits(&mut search, &mut members, &mut now, base_energy) {
+        energy = search.energy(&now);
+    }
     let mut damping = 1e-2;
     let mut covariance = Square::zero(free.len());
     let mut slopes = Vec::new();
     let mut searches = 0;
-    for _ in 0..MOST_ITERATIONS {
-        let jacobian = jacobian(&mut search, &members, &free, &now);
+    let rough = members.iter().any(|member| is_rough(&member.candidate));
+    let limited = members.iter().any(has_limit);
+    for iteration in 0..MOST_ITERATIONS {
+        slopes = jacobian(&mut search, &members, &free, &now);
         let mut vectors: Vec<Vec<&[f64]>> = vec![now.iter().map(Vec::as_slice).collect()];
         vectors.extend(
-            jacobian
+            slopes
                 .iter()
                 .map(|column| column.iter().map(Vec::as_slice).collect::<Vec<_>>()),
         );
         let gram = problem.metric.gram(&vectors);
         let rows: Vec<usize> = (1..=free.len()).collect();
         let normal = gram.part(&rows);
-        covariance = regularised(&normal, 0.0).cholesky().inverse();
+        let inverse = regularised(&normal, 0.0).cholesky();
+        covariance = inverse.inverse();
         let right: Vec<f64> = rows.iter().map(|row| gram.at(*row, 0)).collect();
+        let promised: f64 = inverse.solve(&right).iter().zip(&right).map(|(s, r)| s * r).sum();
+        let outlook = Outlook {
+            iteration,
+            gain: base_energy - energy,
+            promised,
+        };
+        let is_flat = promised <= 0.0;
+        let may_be_told = !rough || iteration > 1;
+        if (is_flat && !rough) || (may_be_told && outlook.is_hopeless(problem.wanted_gain)) {
+            break;
+        }
         let before = energy;
-        for _ in 0..4 {
+        let trials = if rough || !outlook.is_best() { TRIALS } else { 0 };
+        for _ in 0..trials {
             let step = regularised(&normal, damping).cholesky().solve(&right);
             let moved = moved(&members, &free, &step);
             if let Some(trial) = search.simulate(&moved) {
@@ -173,18 +240,20 @@ pub fn fit(problem: &Problem, start: Vec<Member>) -> Option<Fit> {
         }
         let gained = before - energy;
         if gained < LEAST_GAIN || gained < LEAST_SHARE * (base_energy - energy) {
-            slopes = jacobian;
-            let rough = members.iter().any(|member| is_rough(&member.candidate));
+            let steps = steps_of_search(rough, limited, searches);
             searches += 1;
-            let again = searches < 5 && (rough || searches == 1);
-            let found = again && pattern(&mut search, &mut members, &free, &mut now, &mut energy, searches);
-            let search_finer = again && rough;
-            if !found && !search_finer {
+            let mut found = false;
+            for finer in steps {
+                found |= pattern(&mut search, &mut members, &free, &mut now, &mut energy, *finer);
+                if base_energy - energy < problem.wanted_gain {
+                    found = false;
+                    break;
+                }
+            }
+            if !found {
                 break;
             }
             damping = 1e-2;
-        } else {
-            slopes = jacobian;
         }
     }
     Some(Fit {
@@ -196,6 +265,38 @@ pub fn fit(problem: &Problem, start: Vec<Member>) -> Option<Fit> {
         jacobian: slopes,
         simulations: search.simulations,
     })
+}
+
+/// A limit below what the runs reached at least makes everything worse and has slopes that lead nowhere: raised until it does not.
+fn raise_limits(search: &mut Search, members: &mut [Member], now: &mut Vec<Vec<f64>>, base_energy: f64) -> bool {
+    let mut raised = false;
+    for _ in 0..MOST_RAISES {
+        if search.energy(now) <= base_energy {
+            break;
+        }
+        let mut trial = members.to_vec();
+        let mut limits = 0;
+        for member in &mut trial {
+            for (axis, value) in member.candidate.axes.iter().zip(&mut member.values) {
+                if axis.neutral.is_infinite() && value.is_finite() {
+                    *value = clamped(axis, RAISED * *value);
+                    limits += 1;
+                }
+            }
+        }
+        let Some(residuals) = (limits > 0).then(|| search.simulate(&trial)).flatten() else {
+            break;
+        };
+        members.clone_from_slice(&trial);
+        *now = residuals;
+        raised = true;
+    }
+    raised
+}
+
+fn has_limit(member: &Member) -> bool {
+    let mut axes = member.candidate.axes.iter().zip(&member.values);
+    axes.any(|(axis, value)| axis.neutral.is_infinite() && value.is_finite())
 }
 
 /// Levenberg's term on the diagonal.
@@ -261,7 +362,7 @@ fn moved(members: &[Member], free: &[(usize, usize)], step: &[f64]) -> Vec<Membe
 }
 
 /// Laws with corners, where slopes lie.
-fn is_rough(candidate: &Candidate) -> bool {
+pub fn is_rough(candidate: &Candidate) -> bool {
     const ROUGH: [&str; 5] = [
         "command_dead_band",
         "gear_backlash",
@@ -279,10 +380,9 @@ fn pattern(
     free: &[(usize, usize)],
     now: &mut Vec<Vec<f64>>,
     energy: &mut f64,
-    round: i32,
+    finer: f64,
 ) -> bool {
     let before = *energy;
-    let finer = [1.0, 0.5, 0.25, 0.12, 0.06][(round.clamp(1, 5) - 1) as usize];
     for (m, a) in free {
         let axis = members[*m].candidate.axes[*a];
         let mut direction = 1.0;
@@ -315,6 +415,21 @@ fn pattern(
 }
 
 impl Fit {
+    /// The same values on other data, without slopes; `None` when they cannot be simulated.
+    pub fn evaluated(&self, problem: &Problem) -> Option<Fit> {
+        let mut search = Search::new(problem, &self.members);
+        let residuals = search.simulate(&self.members)?;
+        Some(Fit {
+            members: self.members.clone(),
+            gain: search.energy(problem.residuals) - search.energy(&residuals),
+            residuals,
+            covariance: Square::zero(0),
+            free: Vec::new(),
+            jacobian: Vec::new(),
+            simulations: self.simulations + search.simulations,
+        })
+    }
+
     /// Scatter of an axis from run to run as a standard error of its mean, in its unit; 0 with fewer than three runs.
     pub fn scatter(&self, metric: &Metric, member: usize, axis: usize) -> f64 {
         let Some(position) = self.free.iter().position(|free| *free == (member, axis)) else {

@@ -7,7 +7,7 @@
 
 use super::noise::{ClassNoise, correlation_of};
 use crate::linear::{Square, principal};
-use crate::record::{Quantity, Record};
+use crate::record::{Place, Quantity, Record};
 
 /// Classes with one quantity a wheel: wheel speed and current.
 const CLASSES_OF_WHEELS: [usize; 2] = [0, 2];
@@ -74,18 +74,19 @@ fn wheel_of(quantity: Quantity) -> Option<usize> {
 }
 
 /// Wheels that have a class's quantity in a record.
-fn wheels(record: &Record, class: usize) -> Vec<usize> {
-    let quantities = record.quantities().into_iter();
-    quantities
-        .filter(|quantity| quantity.class() == class)
-        .filter_map(wheel_of)
-        .collect()
+fn wheels(places: &[Place], class: usize) -> Vec<usize> {
+    let quantities = places.iter().filter_map(|place| place.quantity);
+    let own = quantities.filter(|quantity| quantity.class() == class);
+    let mut wheels: Vec<usize> = own.filter_map(wheel_of).collect();
+    wheels.sort_unstable();
+    wheels.dedup();
+    wheels
 }
 
 /// Cells of a class that all wheels have at the same time.
-fn groups(record: &Record, class: usize, wheels: &[usize]) -> Vec<Group> {
+fn groups(places: &[Place], class: usize, wheels: &[usize]) -> Vec<Group> {
     let mut cells: Vec<(usize, u64, usize, usize)> = Vec::new();
-    for (position, place) in record.places().iter().enumerate() {
+    for (position, place) in places.iter().enumerate() {
         let Some(quantity) = place.quantity.filter(|quantity| quantity.class() == class) else {
             continue;
         };
@@ -126,7 +127,7 @@ impl Modes {
         records: &[Record],
         residuals: &[Vec<f64>],
     ) -> Option<Modes> {
-        let wheels = records.first().map(|record| self::wheels(record, class))?;
+        let wheels = records.first().map(|record| self::wheels(&record.places(), class))?;
         let count = wheels.len();
         if count < 2 {
             return None;
@@ -136,7 +137,7 @@ impl Modes {
         for (record, residual) in records.iter().zip(residuals) {
             let activities = record.activities();
             let mut window = None;
-            for group in groups(record, class, &wheels) {
+            for group in groups(&record.places(), class, &wheels) {
                 let starts = window != Some(group.window);
                 window = Some(group.window);
                 let values = group.positions.iter().map(|p| residual[*p]).collect();
@@ -198,13 +199,13 @@ impl Modes {
     }
 
     /// Replaces the weights of whole groups of a record.
-    pub fn weigh(&self, record: &Record, classes: &[ClassNoise], activities: &[f64], weighting: &mut Weighting) {
-        if wheels(record, self.class) != self.wheels {
+    pub fn weigh(&self, places: &[Place], classes: &[ClassNoise], activities: &[f64], weighting: &mut Weighting) {
+        if wheels(places, self.class) != self.wheels {
             return;
         }
         let basis = weighting.bases.len();
         weighting.bases.push(self.basis.clone());
-        for group in groups(record, self.class, &self.wheels) {
+        for group in groups(places, self.class, &self.wheels) {
             let activity = activity(activities, &group.positions);
             for (place, noise) in group.positions.iter().zip(&self.noise) {
                 weighting.weights[*place] = 1.0 / (noise.at(activity) * noise.correlation);

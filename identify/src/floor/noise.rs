@@ -6,7 +6,7 @@
 use twin::robot::RobotDescription;
 
 use super::modes::{Modes, Weighting};
-use crate::record::{CLASSES, Record};
+use crate::record::{CLASSES, Place, Record};
 
 /// Variance of a class of residuals: `level` + `slope` activity^2, and over how many cells it is correlated.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -165,30 +165,30 @@ impl NoiseModel {
 
     /// Weights of a record's residuals in the directions in which they are independent.
     pub fn weighting(&self, record: &Record) -> Weighting {
-        let mut weighting = Weighting::diagonal(self.weights(record));
-        let places = record.places();
+        let (places, activities) = (record.places(), record.activities());
+        let mut weighting = Weighting::diagonal(self.weights_at(&places, &activities));
         let own = places.iter().filter_map(|place| place.quantity);
         weighting.expected = own
             .map(|quantity| 1.0 / self.classes[quantity.class()].correlation)
             .sum();
-        let activities = record.activities();
         for modes in &self.modes {
-            modes.weigh(record, &self.classes, &activities, &mut weighting);
+            modes.weigh(&places, &self.classes, &activities, &mut weighting);
         }
         weighting
     }
 
     /// Weights of a record's residuals taken one by one: one over variance and correlation length.
     pub fn weights(&self, record: &Record) -> Vec<f64> {
-        let places = record.places();
-        let activities = record.activities();
-        places
-            .iter()
-            .zip(activities)
+        self.weights_at(&record.places(), &record.activities())
+    }
+
+    fn weights_at(&self, places: &[Place], activities: &[f64]) -> Vec<f64> {
+        let pairs = places.iter().zip(activities);
+        pairs
             .map(|(place, activity)| {
                 place.quantity.map_or(0.0, |quantity| {
                     let class = &self.classes[quantity.class()];
-                    1.0 / (class.at(activity) * class.correlation)
+                    1.0 / (class.at(*activity) * class.correlation)
                 })
             })
             .collect()

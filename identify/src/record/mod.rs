@@ -155,6 +155,20 @@ impl Record {
         build::record(name, bundle)
     }
 
+    /// Some of its windows, by their positions.
+    pub fn with_windows(&self, kept: &[bool]) -> Record {
+        let pairs = self.windows.iter().zip(kept);
+        Record {
+            windows: pairs
+                .filter(|(_, kept)| **kept)
+                .map(|(window, _)| window.clone())
+                .collect(),
+            name: self.name.clone(),
+            input: self.input.clone(),
+            ..*self
+        }
+    }
+
     /// Number of residuals.
     pub fn len(&self) -> usize {
         self.windows

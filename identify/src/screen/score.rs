@@ -215,3 +215,47 @@ pub fn thresholds(candidates: &[Candidate], gram: &Square, level: f64, seed: u64
     largest.sort_by(f64::total_cmp);
     largest[((level * REPLICATES as f64) as usize).min(REPLICATES - 1)]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hypothesis::{Excitation, candidates};
+
+    fn body_limits() -> Candidate {
+        let excitation = Excitation {
+            wheel_rad_per_s: 20.0,
+            twist: [1.0, 0.0, 3.0],
+            extent_m: [-1.0, 1.0, -1.0, 1.0],
+        };
+        let all = candidates(&twin::golden::reference_robot("diff2"), &excitation);
+        let found = all
+            .into_iter()
+            .find(|candidate| candidate.entry.name == "body_speed_saturation");
+        found.unwrap_or_else(|| panic!("a diff2 may have limits"))
+    }
+
+    /// Forward alone and yaw rate alone each gained: the start has both, each from the probe that gained most of its own.
+    #[test]
+    fn limits_that_each_gained_are_tried_together() {
+        let candidate = body_limits();
+        let is_alone = |c: usize, axis: usize| {
+            let values = &candidate.columns[c].values;
+            (0..values.len()).all(|a| values[a].is_finite() == (a == axis))
+        };
+        let alone =
+            |axis: usize| -> Vec<usize> { (0..candidate.columns.len()).filter(|c| is_alone(*c, axis)).collect() };
+        let (forward, yaw) = (alone(0), alone(2));
+        assert!(forward.len() > 1 && yaw.len() > 1);
+        let gains = [(90.0, 1.0, forward[1]), (80.0, 1.0, yaw[0]), (70.0, 1.0, forward[0])];
+        let together = limits_together(&candidate, &gains).unwrap_or_default();
+        assert_eq!(together[0], candidate.columns[forward[1]].values[0]);
+        assert_eq!(together[2], candidate.columns[yaw[0]].values[2]);
+        assert!(together[1].is_infinite());
+        // One limit is no company, and a gain of chance is none.
+        assert_eq!(limits_together(&candidate, &gains[..1]), None);
+        assert_eq!(
+            limits_together(&candidate, &[gains[0], (LIMIT_GAIN, 1.0, yaw[0])]),
+            None
+        );
+    }
+}

@@ -1,6 +1,7 @@
 //! Choosing: roles of runs, acceptance of an effect, what the data cannot tell apart.
 
 mod evidence;
+mod fits;
 mod round;
 mod split;
 

@@ -3,11 +3,12 @@
 use twin::effect::Effect;
 
 use super::evidence::{judge, stability};
-use crate::fit::{Fit, Member, Problem, fit};
+use super::fits::fits;
+use crate::fit::{Fit, Member};
 use crate::floor::{Floor, Metric};
 use crate::hypothesis::{Candidate, Hypothesis};
 use crate::record::Record;
-use crate::screen::{Change, Score, all_residuals, columns, scores, thresholds};
+use crate::screen::{Change, Score, columns, scores, thresholds};
 use crate::workers::{Cancelled, Workers, gathered};
 
 /// Most candidates that are fitted in a round.
@@ -15,8 +16,10 @@ const SHORT_LIST: usize = 10;
 /// Beyond the first few, candidates with a smaller share of the best score are not fitted.
 const FITTED_ANYWAY: usize = 5;
 const WORTH_FITTING: f64 = 0.08;
-/// The best that are fitted together with what the model has.
-const FITTED_TOGETHER: usize = 3;
+/// A candidate whose fit came to nothing is fitted again when its score has risen by this factor.
+const PROMISING: f64 = 1.5;
+/// Fits that cannot reach this share of the threshold are not finished.
+pub(super) const WANTED: f64 = 0.5;
 /// Slow to simulate: fitted only among the first three.
 const SLOW: &str = "longitudinal_slip";
 /// Share of the threshold below which old sensitivities are enough to stop.
@@ -52,6 +55,8 @@ pub struct Round<'a> {
     pub floor: &'a Floor,
     pub reference_metric: Option<&'a Metric>,
     pub train: Side<'a>,
+    /// Windows of the training runs that candidates are screened and first fitted on; all of them when there are few.
+    pub coarse: Side<'a>,
     pub validation: Side<'a>,
     pub model: &'a Hypothesis,
     pub candidates: &'a [Candidate],
@@ -60,6 +65,18 @@ pub struct Round<'a> {
     /// Gain on the training runs of what is already in the model.
     pub explained: f64,
     pub seed: u64,
+}
+
+impl Round<'_> {
+    pub(super) fn is_thinned(&self) -> bool {
+        !core::ptr::eq(self.train.records, self.coarse.records)
+    }
+
+    /// Residuals of the windows that candidates are screened on, as a share of all.
+    pub(super) fn share(&self) -> f64 {
+        let count = |side: &Side| side.residuals.iter().map(Vec::len).sum::<usize>().max(1) as f64;
+        count(&self.coarse) / count(&self.train)
+    }
 }
 
 /// A fitted candidate with its evidence.
@@ -123,12 +140,20 @@ pub struct Sensitivities {
     columns: Vec<Vec<Vec<f64>>>,
     /// Taken at the present model.
     is_fresh: bool,
+    /// Candidates whose fits came to nothing, with the scores that promised more.
+    vain: Vec<(usize, f64)>,
 }
 
 impl Sensitivities {
     /// The model has changed: good enough to see that nothing is left, not to choose with.
     pub fn outdate(&mut self) {
         self.is_fresh = false;
+    }
+
+    /// A fit came to nothing in an earlier round, and the score promises hardly more now.
+    fn is_vain(&self, position: usize, score: f64) -> bool {
+        let known = self.vain.iter().filter(|known| known.0 == position);
+        known.map(|known| known.1).fold(0.0, f64::max) * PROMISING > score
     }
 }
 
@@ -165,6 +190,7 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Sensitivities) -> R
     };
     let mut order: Vec<usize> = (0..data.candidates.len())
         .filter(|c| scores[*c].gain > threshold && !is_member(&data.candidates[*c]))
+        .filter(|c| !kept.is_vain(*c, scores[*c].gain))
         .collect();
     order.sort_by(|a, b| scores[*b].gain.total_cmp(&scores[*a].gain).then(a.cmp(b)));
     let order = short_list(data.candidates, &order, &scores);
@@ -181,11 +207,20 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Sensitivities) -> R
     }
     let threshold = threshold.max((LAW_REST * data.explained).min(REST_SHARE * rest_of(data)));
     stop.threshold = threshold;
-    let fitted = fits(workers, data, &order, &stop.scores)?;
+    let fitted = fits(workers, data, &order, &stop.scores, threshold)?;
+    for fitted in fitted.iter().filter(|fitted| fitted.fit.gain < WANTED * threshold) {
+        kept.vain.push((fitted.position, stop.scores[fitted.position].gain));
+    }
     stop.simulations = fitted.iter().map(|fitted| fitted.fit.simulations).sum();
     let judged = gathered(workers, fitted.len(), &|f| judge(data, &fitted[f], threshold))?;
     let mut pairs: Vec<(Finalist, &Fitted)> = judged.into_iter().zip(&fitted).collect();
     pairs.sort_by(|a, b| b.0.gain().total_cmp(&a.0.gain()).then(a.0.position.cmp(&b.0.position)));
+    let mut seen: Vec<usize> = Vec::new();
+    pairs.retain(|(finalist, _)| {
+        let is_best_start = !seen.contains(&finalist.position);
+        seen.push(finalist.position);
+        is_best_start
+    });
     stability(data, &mut pairs);
     stop.accepted = simplest(&pairs, slack_of(data.floor));
     if let Some(best) = stop.accepted {
@@ -282,99 +317,16 @@ fn sensitivities(workers: &dyn Workers, data: &Round) -> Result<Vec<Vec<Vec<f64>
             });
         }
     }
-    columns(workers, data.train.records, data.train.residuals, &changes)
+    columns(workers, data.coarse.records, data.coarse.residuals, &changes)
 }
 
-/// Products of the residual and all columns on the training runs.
+/// Products of the residual and all columns on the training runs, of all of which the windows that were simulated are a share.
 fn products(data: &Round, columns: &[Vec<Vec<f64>>]) -> crate::linear::Square {
-    let mut vectors: Vec<Vec<&[f64]>> = vec![slices(data.train.residuals)];
+    let mut vectors: Vec<Vec<&[f64]>> = vec![slices(data.coarse.residuals)];
     vectors.extend(columns.iter().map(|column| slices(column)));
-    data.train.metric.gram(&vectors)
-}
-
-fn fits(workers: &dyn Workers, data: &Round, order: &[usize], scores: &[Score]) -> Result<Vec<Fitted>, Cancelled> {
-    let mut starts: Vec<(usize, Vec<f64>)> = Vec::new();
-    for candidate in order {
-        starts.push((*candidate, scores[*candidate].start.clone()));
-        starts.extend(
-            scores[*candidate]
-                .more_starts
-                .iter()
-                .map(|start| (*candidate, start.clone())),
-        );
-    }
-    let problem = Problem {
-        records: data.train.records,
-        metric: data.train.metric,
-        base: data.model,
-        residuals: data.train.residuals,
-    };
-    let results = gathered(workers, starts.len(), &|item| {
-        let (position, values) = &starts[item];
-        let member = Member {
-            candidate: data.candidates[*position].clone(),
-            values: values.clone(),
-        };
-        fit(&problem, vec![member])
-    })?;
-    let mut best: Vec<Fitted> = Vec::new();
-    for ((position, _), result) in starts.iter().zip(results) {
-        let Some(fit) = result else { continue };
-        match best.iter_mut().find(|fitted| fitted.position == *position) {
-            Some(known) if known.fit.gain < fit.gain => known.fit = fit,
-            Some(_) => {}
-            None => best.push(Fitted {
-                fit,
-                position: *position,
-                joint: Vec::new(),
-            }),
-        }
-    }
-    together(workers, data, &mut best)?;
-    Ok(best)
-}
-
-/// Fits the best candidates together with what the model has: a member that stood in for the candidate makes room.
-fn together(workers: &dyn Workers, data: &Round, fitted: &mut [Fitted]) -> Result<(), Cancelled> {
-    if data.members.is_empty() {
-        return Ok(());
-    }
-    let simulated = all_residuals(workers, data.train.records, &data.floor.model)?;
-    let Some(residuals) = simulated.into_iter().collect::<Option<Vec<Vec<f64>>>>() else {
-        return Ok(());
-    };
-    let problem = Problem {
-        records: data.train.records,
-        metric: data.train.metric,
-        base: &data.floor.model,
-        residuals: &residuals,
-    };
-    let energy = |residuals: &[Vec<f64>]| data.train.metric.gram(&[slices(residuals)]).at(0, 0);
-    let now = energy(data.train.residuals);
-    let mut order: Vec<usize> = (0..fitted.len()).collect();
-    order.sort_by(|a, b| {
-        let (a, b) = (&fitted[*a], &fitted[*b]);
-        b.fit.gain.total_cmp(&a.fit.gain).then(a.position.cmp(&b.position))
-    });
-    order.truncate(FITTED_TOGETHER);
-    let results = gathered(workers, order.len(), &|item| {
-        let mut members = data.members.to_vec();
-        members.push(fitted[order[item]].fit.members[0].clone());
-        fit(&problem, members)
-    })?;
-    for (item, result) in order.into_iter().zip(results) {
-        let Some(mut joint) = result else { continue };
-        let gain = now - energy(&joint.residuals);
-        let alone = &mut fitted[item];
-        if gain > alone.fit.gain {
-            alone.joint.clone_from(&joint.members);
-            joint.members = joint.members.split_off(data.members.len());
-            joint.gain = gain;
-            joint.simulations += alone.fit.simulations;
-            alone.fit = joint;
-        }
-    }
-    Ok(())
+    let mut gram = data.coarse.metric.gram(&vectors);
+    gram.scale(1.0 / data.share());
+    gram
 }
 
 pub(super) fn difference(base: &[Vec<f64>], changed: &[Vec<f64>]) -> Vec<Vec<f64>> {

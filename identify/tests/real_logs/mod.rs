@@ -7,13 +7,14 @@ pub mod dart;
 pub mod husky;
 pub mod mrclam;
 mod npz;
+#[path = "../threads/mod.rs"]
+mod threads;
 
 use identify::bundle::Bundle;
 use identify::diagnose::{Diagnosis, Input, Run, diagnose};
-use identify::workers::Workers;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
+use threads::Threads;
 
 /// The folder with the logs, or a line that says why a test does nothing.
 pub fn folder(part: &str) -> Option<PathBuf> {
@@ -94,28 +95,6 @@ impl Rows {
     }
 }
 
-/// Two threads.
-pub struct Threads;
-
-impl Workers for Threads {
-    fn run(&self, count: usize, work: &(dyn Fn(usize) + Sync)) {
-        let next = AtomicUsize::new(0);
-        std::thread::scope(|scope| {
-            for _ in 0..2 {
-                scope.spawn(|| {
-                    loop {
-                        let item = next.fetch_add(1, Ordering::Relaxed);
-                        if item >= count {
-                            break;
-                        }
-                        work(item);
-                    }
-                });
-            }
-        });
-    }
-}
-
 pub fn found(references: Vec<Run>, runs: Vec<Run>, locked: Vec<Run>) -> Diagnosis {
     let input = Input {
         references,
@@ -124,7 +103,7 @@ pub fn found(references: Vec<Run>, runs: Vec<Run>, locked: Vec<Run>) -> Diagnosi
         model: None,
         seed: 1,
     };
-    match diagnose(&Threads, &input) {
+    match diagnose(&Threads(2), &input) {
         Ok(found) => found,
         Err(error) => panic!("{error}"),
     }
@@ -139,7 +118,7 @@ pub fn found_from(model: twin::model_document::ModelDocument, runs: Vec<Run>) ->
         model: Some(model),
         seed: 1,
     };
-    match diagnose(&Threads, &input) {
+    match diagnose(&Threads(2), &input) {
         Ok(found) => found,
         Err(error) => panic!("{error}"),
     }

@@ -6,6 +6,7 @@ use api::lab::{ClaimRequest, LabDescription, Side};
 use clap::Parser;
 use lab::backoff::Backoff;
 use lab::desk::{Desk, DeskPlaces};
+use lab::ending::run_until_signal;
 use lab::hub::{ADDRESS_FILE, VIRTUAL_ADDRESS_FILE};
 use lab::record::Record;
 use lab::shadow::ShadowRun;
@@ -15,7 +16,6 @@ use std::net::{SocketAddr, TcpStream};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
-use tokio::signal::unix::{SignalKind, signal};
 
 /// Wait before connecting again.
 const RECONNECT: Duration = Duration::from_millis(500);
@@ -96,23 +96,9 @@ fn serve(settings: &Settings, server: &str, token_file: &Path, lab: &Path) -> Re
 }
 
 async fn live(desk: Arc<Desk>, description: LabDescription) -> Result<()> {
-    let mut terminate = signal(SignalKind::terminate())?;
-    let mut interrupt = signal(SignalKind::interrupt())?;
     tokio::spawn(stream::keep(desk.service.clone(), desk.watchers.subscribe()));
-    let mut claiming = tokio::spawn(keep_claiming(desk.clone(), description));
-    tokio::select! {
-        _ = terminate.recv() => {}
-        _ = interrupt.recv() => {}
-        ended = &mut claiming => return ended.context("the claim loop failed"),
-    }
-    desk.shutdown.request();
-    match tokio::time::timeout(EXIT_LIMIT, claiming).await {
-        Ok(ended) => ended.context("the claim loop failed"),
-        Err(_) => {
-            tracing::warn!("ending with work left; it is salvaged at the next start");
-            Ok(())
-        }
-    }
+    let claiming = tokio::spawn(keep_claiming(desk.clone(), description));
+    run_until_signal(&desk, claiming, EXIT_LIMIT).await
 }
 
 async fn keep_claiming(desk: Arc<Desk>, description: LabDescription) {

@@ -1,0 +1,121 @@
+//! Residuals, sensitivities and product of the runs of a role.
+
+use crate::floor::{Floor, Metric, knob_changes};
+use crate::hypothesis::Hypothesis;
+use crate::record::{Chain, Record, Stages, Window};
+use crate::screen::{all_residuals, columns};
+use crate::select::Side;
+use crate::workers::{Cancelled, Workers};
+
+/// With more training data than this, candidates are screened and first fitted on every second or later window of them.
+const ENOUGH_S: f64 = 120.0;
+
+/// Residuals, knob sensitivities and the product of some records.
+pub(super) struct Prepared {
+    pub records: Vec<Record>,
+    pub residuals: Vec<Vec<f64>>,
+    pub sensitivities: Vec<Vec<Vec<f64>>>,
+    pub metric: Metric,
+}
+
+impl Prepared {
+    /// Residuals under another model, and the floor's present weights.
+    pub fn renew(&mut self, workers: &dyn Workers, floor: &Floor, model: &Hypothesis) -> Result<(), Cancelled> {
+        let simulated = all_residuals(workers, &self.records, model)?;
+        for (residual, new) in self.residuals.iter_mut().zip(simulated) {
+            *residual = new.unwrap_or_else(|| residual.clone());
+        }
+        self.metric = floor.metric(&self.records, &self.sensitivities);
+        Ok(())
+    }
+
+    pub fn side(&self) -> Side<'_> {
+        Side {
+            records: &self.records,
+            metric: &self.metric,
+            residuals: &self.residuals,
+        }
+    }
+
+    /// Windows spread over all runs, about as many as are enough; `None` when there are no more than that.
+    pub fn thinned(&self, floor: &Floor) -> Option<Prepared> {
+        let all_s: f64 = self
+            .records
+            .iter()
+            .flat_map(|record| &record.windows)
+            .map(compared_s)
+            .sum();
+        let every = (all_s / ENOUGH_S).ceil() as usize;
+        if every < 2 {
+            return None;
+        }
+        let kept: Vec<Vec<bool>> = self
+            .records
+            .iter()
+            .enumerate()
+            .map(|(run, record)| (0..record.windows.len()).map(|k| (k + run) % every == 0).collect())
+            .collect();
+        let records: Vec<Record> = self
+            .records
+            .iter()
+            .zip(&kept)
+            .map(|(r, kept)| r.with_windows(kept))
+            .collect();
+        let rows = |vectors: &[Vec<f64>]| -> Vec<Vec<f64>> {
+            let runs = vectors.iter().zip(&self.records).zip(&kept);
+            runs.map(|((vector, record), kept)| rows_of(record, kept, vector))
+                .collect()
+        };
+        let residuals = rows(&self.residuals);
+        let sensitivities: Vec<Vec<Vec<f64>>> = self.sensitivities.iter().map(|knob| rows(knob)).collect();
+        let metric = floor.metric(&records, &sensitivities);
+        Some(Prepared {
+            records,
+            residuals,
+            sensitivities,
+            metric,
+        })
+    }
+}
+
+fn compared_s(window: &Window) -> f64 {
+    window.to_s - window.from_s
+}
+
+/// The residuals of some windows.
+fn rows_of(record: &Record, kept: &[bool], vector: &[f64]) -> Vec<f64> {
+    let mut rows = Vec::with_capacity(vector.len());
+    let mut from = 0;
+    for (window, kept) in record.windows.iter().zip(kept) {
+        let to = from + window.drive.len() + window.rolling.as_ref().map_or(0, Chain::len);
+        if *kept {
+            rows.extend_from_slice(&vector[from..to]);
+        }
+        from = to;
+    }
+    rows
+}
+
+/// Simulates records under the floor's model and with each of its knobs.
+pub(super) fn prepare(
+    workers: &dyn Workers,
+    floor: &Floor,
+    records: Vec<Record>,
+    stages: &[Stages],
+) -> Result<Prepared, Cancelled> {
+    let simulated = all_residuals(workers, &records, &floor.model)?;
+    let (records, residuals): (Vec<Record>, Vec<Vec<f64>>) = records
+        .into_iter()
+        .zip(simulated)
+        .filter_map(|(record, residual)| Some((record, residual?)))
+        .unzip();
+    let changes = knob_changes(&floor.model, &floor.knobs, stages);
+    let sensitivities = columns(workers, &records, &residuals, &changes)?;
+    let metric = floor.metric(&records, &sensitivities);
+    Ok(Prepared {
+        records,
+        residuals,
+        sensitivities,
+        metric,
+    })
+}

@@ -1,0 +1,177 @@
+//! Fits of the short list.
+
+use super::round::{Fitted, Round, Side, WANTED, slices};
+use crate::fit::{Member, Problem, fit, is_rough};
+use crate::screen::{Score, all_residuals};
+use crate::workers::{Cancelled, Workers, gathered};
+use std::collections::BTreeMap;
+
+/// Laws with corners whose fits stay below this share of the best gain of the others are not finished.
+const AGAINST_OTHERS: f64 = 0.25;
+/// Gains on the training runs of two starts that differ by less than this share say nothing about which of them is right.
+const ABOUT: f64 = 0.05;
+/// The best that are fitted together with what the model has.
+const FITTED_TOGETHER: usize = 3;
+
+/// Fits a short list, each candidate by itself and the best together with what the model has.
+pub(super) fn fits(
+    workers: &dyn Workers,
+    data: &Round,
+    order: &[usize],
+    scores: &[Score],
+    threshold: f64,
+) -> Result<Vec<Fitted>, Cancelled> {
+    let mut starts: Vec<(usize, Vec<f64>)> = Vec::new();
+    for candidate in order {
+        starts.push((*candidate, scores[*candidate].start.clone()));
+        starts.extend(
+            scores[*candidate]
+                .more_starts
+                .iter()
+                .map(|start| (*candidate, start.clone())),
+        );
+    }
+    // Laws with corners take long: only those that come near what the others explain are fitted to the end.
+    let (rough, smooth): (Vec<_>, Vec<_>) = starts
+        .into_iter()
+        .partition(|(position, _)| is_rough(&data.candidates[*position]));
+    let mut all: Vec<Fitted> = Vec::new();
+    for (starts, against) in [(smooth, 0.0), (rough, AGAINST_OTHERS)] {
+        let most = all.iter().map(|fitted| fitted.fit.gain).fold(0.0, f64::max);
+        let problem = Problem {
+            records: data.coarse.records,
+            metric: data.coarse.metric,
+            base: data.model,
+            residuals: data.coarse.residuals,
+            wanted_gain: (WANTED * threshold * data.share()).max(against * most),
+        };
+        let results = gathered(workers, starts.len(), &|item| {
+            let (position, values) = &starts[item];
+            let member = Member {
+                candidate: data.candidates[*position].clone(),
+                values: values.clone(),
+            };
+            fit(&problem, vec![member])
+        })?;
+        let pairs = starts.iter().zip(results);
+        all.extend(pairs.filter_map(|((position, _), fit)| {
+            Some(Fitted {
+                fit: fit?,
+                position: *position,
+                joint: Vec::new(),
+            })
+        }));
+    }
+    let near = near_the_best(all);
+    let mut fitted = if data.is_thinned() {
+        evaluated(workers, data, &near)?
+    } else {
+        near
+    };
+    together(workers, data, &mut fitted)?;
+    Ok(fitted)
+}
+
+/// Of every candidate's starts those that led to about as much as its best: which of them is right other data tell.
+fn near_the_best(all: Vec<Fitted>) -> Vec<Fitted> {
+    let mut best: BTreeMap<usize, f64> = BTreeMap::new();
+    for fitted in &all {
+        let most = best.entry(fitted.position).or_insert(f64::NEG_INFINITY);
+        *most = most.max(fitted.fit.gain);
+    }
+    let least = |position: usize| best.get(&position).map_or(0.0, |most| most - ABOUT * most.abs());
+    all.into_iter()
+        .filter(|fitted| fitted.fit.gain >= least(fitted.position))
+        .collect()
+}
+
+/// Fits of some windows on all of them.
+fn evaluated(workers: &dyn Workers, data: &Round, fitted: &[Fitted]) -> Result<Vec<Fitted>, Cancelled> {
+    let problem = Problem {
+        records: data.train.records,
+        metric: data.train.metric,
+        base: data.model,
+        residuals: data.train.residuals,
+        wanted_gain: f64::NEG_INFINITY,
+    };
+    let fits = gathered(workers, fitted.len(), &|item| fitted[item].fit.evaluated(&problem))?;
+    let pairs = fitted.iter().zip(fits);
+    Ok(pairs
+        .filter_map(|(fitted, fit)| {
+            Some(Fitted {
+                fit: fit?,
+                position: fitted.position,
+                joint: Vec::new(),
+            })
+        })
+        .collect())
+}
+
+/// Fits the best candidates together with what the model has: a member that stood in for the candidate makes room.
+fn together(workers: &dyn Workers, data: &Round, fitted: &mut [Fitted]) -> Result<(), Cancelled> {
+    if data.members.is_empty() {
+        return Ok(());
+    }
+    let Some(residuals) = under_the_floor(workers, data, &data.train)? else {
+        return Ok(());
+    };
+    let problem = Problem {
+        records: data.train.records,
+        metric: data.train.metric,
+        base: &data.floor.model,
+        residuals: &residuals,
+        wanted_gain: f64::NEG_INFINITY,
+    };
+    let coarse = match data.is_thinned() {
+        true => under_the_floor(workers, data, &data.coarse)?,
+        false => None,
+    };
+    let energy = |residuals: &[Vec<f64>]| data.train.metric.gram(&[slices(residuals)]).at(0, 0);
+    let now = energy(data.train.residuals);
+    let mut order: Vec<usize> = (0..fitted.len()).collect();
+    order.sort_by(|a, b| {
+        let (a, b) = (&fitted[*a], &fitted[*b]);
+        b.fit.gain.total_cmp(&a.fit.gain).then(a.position.cmp(&b.position))
+    });
+    let mut seen: Vec<usize> = Vec::new();
+    order.retain(|item| {
+        let is_new = !seen.contains(&fitted[*item].position);
+        seen.push(fitted[*item].position);
+        is_new
+    });
+    order.truncate(FITTED_TOGETHER);
+    let results = gathered(workers, order.len(), &|item| {
+        let mut members = data.members.to_vec();
+        members.push(fitted[order[item]].fit.members[0].clone());
+        match &coarse {
+            Some(residuals) => {
+                let few = Problem {
+                    records: data.coarse.records,
+                    metric: data.coarse.metric,
+                    residuals,
+                    ..problem
+                };
+                fit(&few, members)?.evaluated(&problem)
+            }
+            None => fit(&problem, members),
+        }
+    })?;
+    for (item, result) in order.into_iter().zip(results) {
+        let Some(mut joint) = result else { continue };
+        let gain = now - energy(&joint.residuals);
+        let alone = &mut fitted[item];
+        if gain > alone.fit.gain {
+            alone.joint.clone_from(&joint.members);
+            joint.members = joint.members.split_off(data.members.len());
+            joint.gain = gain;
+            joint.simulations += alone.fit.simulations;
+            alone.fit = joint;
+        }
+    }
+    Ok(())
+}
+
+fn under_the_floor(workers: &dyn Workers, data: &Round, side: &Side) -> Result<Option<Vec<Vec<f64>>>, Cancelled> {
+    let simulated = all_residuals(workers, side.records, &data.floor.model)?;
+    Ok(simulated.into_iter().collect())
+}
