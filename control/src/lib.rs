@@ -10,6 +10,7 @@
 //! ```
 
 pub mod answer;
+pub mod effectiveness;
 pub mod gallery;
 pub mod law;
 pub mod prediction;

@@ -19,6 +19,7 @@ use twin::twist::BodyTwist;
 
 use crate::TICK_S;
 use crate::answer::{Answer, LONGEST_ANSWER_S};
+use crate::effectiveness::Effectiveness;
 use crate::law::RobotObservation;
 use crate::vector::{Vector, clip, heading};
 
@@ -59,6 +60,8 @@ pub struct Predictor {
     told: [Told; DEPTH],
     newest: usize,
     gap: BodyTwist,
+    /// `None`: the robot is taken to do what it is told.
+    learnt: Option<Effectiveness>,
 }
 
 impl Predictor {
@@ -72,6 +75,23 @@ impl Predictor {
             told: [Told::default(); DEPTH],
             newest: 0,
             gap: BodyTwist::default(),
+            learnt: None,
+        }
+    }
+
+    /// The same, and it learns how much of the yaw rate that it is told the robot turns.
+    #[must_use]
+    pub fn learning(mut self) -> Predictor {
+        self.learnt = Some(Effectiveness::default());
+        self
+    }
+
+    /// What to tell the robot for a twist that the law wants: the twist itself, bit for bit, where nothing is learnt or the
+    /// predictor is off.
+    pub fn command(&self, wanted: &BodyTwist) -> BodyTwist {
+        match (&self.answer, &self.learnt) {
+            (Some(_), Some(learnt)) => learnt.command(wanted),
+            _ => *wanted,
         }
     }
 
@@ -109,7 +129,7 @@ impl Predictor {
             left_m_per_s: twist.left_m_per_s + self.axle_x_m * (twist.yaw_rate_rad_per_s - later),
             yaw_rate_rad_per_s: later,
         };
-        let done = sum(&done, &self.gap);
+        let done = sum(&self.followed(&done), &self.gap);
         let told = &mut self.told[self.newest];
         told.done = done;
         told.product = after(&before, &done, TICK_S);
@@ -135,7 +155,10 @@ impl Predictor {
         let told_then = self.doing(ticks);
         let told_last = self.doing(ticks - seconds / TICK_S);
         if is_possible(&seen.twist) {
-            self.follow(&told_then, &seen.twist);
+            if let Some(learnt) = &mut self.learnt {
+                learnt.learn(told_then.yaw_rate_rad_per_s, seen.twist.yaw_rate_rad_per_s);
+            }
+            self.follow(&self.followed(&told_then), &seen.twist);
         }
         let from = self.product(ticks);
         let to = self.product(ticks - seconds / TICK_S);
@@ -143,9 +166,14 @@ impl Predictor {
         RobotObservation {
             pose: moved(&seen.pose, &way),
             pose_age_s: seen.pose_age_s - seconds,
-            twist: sum(&told_last, &self.gap),
+            twist: sum(&self.followed(&told_last), &self.gap),
             online: seen.online,
         }
+    }
+
+    /// What the robot does of a command, as far as it was learnt.
+    fn followed(&self, told: &BodyTwist) -> BodyTwist {
+        self.learnt.map_or(*told, |learnt| learnt.done(told))
     }
 
     /// Follows up what the robot does differently from what it was told.

@@ -139,8 +139,9 @@ impl Team {
             parameters: &self.parameters,
         };
         self.law.step(&observation, &mut self.demands);
-        for ((wanted, demand), last) in self.wanted.iter_mut().zip(&self.demands).zip(&self.outputs) {
-            *wanted = accelerated(&last.safe.twist(), &demand.twist);
+        let wishes = self.demands.iter().zip(&self.predictors).zip(&self.outputs);
+        for (wanted, ((demand, predictor), last)) in self.wanted.iter_mut().zip(wishes) {
+            *wanted = accelerated(&last.safe.twist(), &predictor.command(&demand.twist));
         }
         for (intended, demand) in self.intended.iter_mut().zip(&self.demands) {
             *intended = demand.twist;
@@ -188,6 +189,19 @@ impl Team {
         for (predictor, answer) in self.predictors.iter_mut().zip(&self.described) {
             predictor.set_answer(Some(*answer));
         }
+    }
+
+    /// Lets the team learn during the run how much of the yaw rate that it is told each robot turns, and tell it accordingly
+    /// more, ahead of acceleration limit and safety filter ([`crate::effectiveness`]); off until then, and while a robot's answer is not known ([`Self::set_answer`]).
+    /// Robots that steer are left out: their arcs follow from the steering angle, not from what the wheels push.
+    #[must_use]
+    pub fn learning(mut self) -> Team {
+        for (predictor, body) in self.predictors.iter_mut().zip(&self.bodies) {
+            if !matches!(body.drive, Drive::Steered { .. }) {
+                *predictor = Predictor::new(axle_x_m(body.drive)).learning();
+            }
+        }
+        self
     }
 
     /// What the law saw on the last tick.

@@ -151,6 +151,8 @@ fn trial(kind: usize, number: u64, seed: u64) -> Result<Trial> {
         (Some(since_s), Some(at_s)) => Some(at_s - since_s),
         // It did not move enough for anybody to notice.
         (None, _) => Some(0.0),
+        // It moved so late that the lie ended before the time to notice it.
+        (Some(since_s), None) if since_s + ASKED_S[kind] > LIE_S => Some(0.0),
         (Some(_), None) => None,
     };
     let waits: Option<Vec<f64>> = (0..ROBOTS).filter(|robot| concerned[*robot]).map(waited).collect();

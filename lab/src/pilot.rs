@@ -113,7 +113,7 @@ impl Pilot {
         let poses = robots.iter().filter_map(|robot| robot.track.newest());
         Self {
             newest_exposure_us: poses.map(|pose| pose.exposure_us).max().unwrap_or(start_us),
-            team: team.with_moving(strangers::MOST),
+            team: team.with_moving(strangers::MOST).learning(),
             numbers: robots.iter().map(|robot| robot.number).collect(),
             robots,
             duration_ticks,

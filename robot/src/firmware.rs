@@ -131,7 +131,7 @@ impl Firmware {
         Self {
             settings,
             acceptance: Acceptance::default(),
-            watchdog: Watchdog::new(settings.watchdog),
+            watchdog: Watchdog::new(settings.watchdog).with_wheels(settings.wheels),
             controllers: None,
             motor_wait: 0,
             motor_v: [0.0; MAX_MOTORS],

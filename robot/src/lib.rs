@@ -19,6 +19,7 @@ pub mod key;
 pub mod kinematics;
 pub mod medium;
 pub mod motor_control;
+pub mod ramp;
 pub mod speed_loop;
 pub mod watchdog;
 

@@ -8,6 +8,8 @@
 
 use crate::MAX_MOTORS;
 use crate::frame::Command;
+use crate::kinematics::WheelTable;
+use crate::ramp::Ramp;
 
 /// Time limits and deceleration.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -16,17 +18,21 @@ pub struct WatchdogSettings {
     pub ramp_after_ms: u32,
     /// Silence after which the robot latches.
     pub latch_after_ms: u32,
-    /// Deceleration of the fastest wheel while ramping, and its acceleration when motion resumes.
+    /// Deceleration of the fastest wheel while ramping on the spot, and its acceleration when motion resumes.
     pub ramp_rad_per_s2: f64,
+    /// Deceleration of the body while ramping, where the wheels' geometry is known.
+    pub body_m_per_s2: f64,
 }
 
 impl Default for WatchdogSettings {
-    /// 40 rad/s2 is 2 m/s2 at the rim of a wheel of 50 mm.
+    /// 40 rad/s2 is 2 m/s2 at the rim of a wheel of 50 mm. What is promised of a body is 2 m/s2: a fifth more is asked for, since
+    /// a robot that drags its wheels over the floor in a turn follows them late.
     fn default() -> Self {
         Self {
             ramp_after_ms: 100,
             latch_after_ms: 500,
             ramp_rad_per_s2: 40.0,
+            body_m_per_s2: 2.4,
         }
     }
 }
@@ -57,12 +63,11 @@ pub struct Watchdog {
     accepted_epoch: Option<u32>,
     accepted_ms: u32,
     stepped_ms: Option<u32>,
-    held: SetPoint,
-    /// Share of the held set-point that is passed on, 0 to 1.
-    gain: f64,
+    ramp: Ramp,
 }
 
 impl Watchdog {
+    /// Of a robot whose geometry is not known: while ramping all wheels keep their proportions.
     pub fn new(settings: WatchdogSettings) -> Self {
         Self {
             settings,
@@ -72,9 +77,15 @@ impl Watchdog {
             accepted_epoch: None,
             accepted_ms: 0,
             stepped_ms: None,
-            held: SetPoint::default(),
-            gain: 0.0,
+            ramp: Ramp::new(None),
         }
+    }
+
+    /// The same for a robot on these wheels; see [`crate::ramp`].
+    #[must_use]
+    pub fn with_wheels(mut self, wheels: WheelTable) -> Self {
+        self.ramp = Ramp::new(Some(wheels));
+        self
     }
 
     pub fn state(&self) -> WatchdogState {
@@ -106,17 +117,17 @@ impl Watchdog {
         if command.stop {
             self.stop(epoch);
         } else if command.enable && self.state == WatchdogState::Running {
-            self.held = SetPoint {
+            self.ramp.hold(&SetPoint {
                 wheel_rad_per_s: command.wheel_rad_per_s,
                 steering_rad: command.steering_rad,
-            };
+            });
         }
     }
 
     /// Sets the set-point of a robot that closes its own loop, while its last target may move it.
     pub fn hold(&mut self, set_point: &SetPoint) {
         if self.state == WatchdogState::Running && self.enabled {
-            self.held = *set_point;
+            self.ramp.hold(set_point);
         }
     }
 
@@ -144,21 +155,12 @@ impl Watchdog {
                 self.state = WatchdogState::Latched;
             }
         }
-        let fastest_rad_per_s = self
-            .held
-            .wheel_rad_per_s
-            .iter()
-            .fold(1e-6, |fastest: f64, speed| fastest.max(speed.abs()));
-        let gain_per_ms = self.settings.ramp_rad_per_s2 / fastest_rad_per_s / 1000.0;
-        self.gain = if self.state == WatchdogState::Running && self.enabled {
-            (self.gain + gain_per_ms * f64::from(since_step_ms)).min(1.0)
+        if self.state == WatchdogState::Running && self.enabled {
+            self.ramp.rise(&self.settings, since_step_ms);
         } else {
-            (self.gain - gain_per_ms * f64::from(closing_ms)).max(0.0)
-        };
-        SetPoint {
-            wheel_rad_per_s: self.held.wheel_rad_per_s.map(|speed| speed * self.gain),
-            ..self.held
+            self.ramp.fall(&self.settings, closing_ms);
         }
+        self.ramp.set_point()
     }
 }
 
