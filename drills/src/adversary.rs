@@ -35,17 +35,20 @@ impl Aim {
     }
 }
 
+/// Attack of a number: 1 to 10 robots in turn.
+pub fn attack(aim: Aim, seed: u64, number: u64) -> Attack {
+    let robots = 1 + (number % 10) as usize;
+    let mut attack = Attack::random(seed, number, robots, RUN_S);
+    attack.walls_only = aim == Aim::Walls;
+    attack.liar = aim == Aim::Lies;
+    attack
+}
+
 /// Runs `count` attacks with 1 to 10 robots in turn, numbers from `first`.
 ///
 /// - Errors: a run that cannot be set up.
 pub fn run(aim: Aim, first: u64, count: u64, seed: u64, threads: usize) -> Result<Vec<Row>> {
-    let attack = |number: u64| {
-        let robots = 1 + (number % 10) as usize;
-        let mut attack = Attack::random(seed, number, robots, RUN_S);
-        attack.walls_only = aim == Aim::Walls;
-        attack.liar = aim == Aim::Lies;
-        attack
-    };
+    let attack = |number: u64| attack(aim, seed, number);
     let one = |k: u64| {
         let number = first + k;
         let outcome = attack(number).run().with_context(|| format!("run {number}"))?;
@@ -117,6 +120,14 @@ mod tests {
     #[test]
     fn twenty_hostile_runs_collide_with_nothing() {
         assert!(table::print(&run(Aim::Anything, 0, 20, 1, 2).expect("runs")));
+    }
+
+    /// Robot 7 of this run hears nothing for half a second, switches itself off and is still heard: another robot counted on the room
+    /// that it was told to make, and touched it.
+    #[test]
+    fn nobody_counts_on_a_robot_that_switched_itself_off() {
+        let outcome = attack(Aim::Anything, 1, 16_076).run().expect("a run");
+        assert!(outcome.ended && outcome.least_m() > NOTED_M, "{outcome:?}");
     }
 
     #[test]

@@ -14,7 +14,7 @@ pub const CHASSIS: [&str; 6] = ["omni4", "diff2", "diff4", "fwd", "rwd", "awd"];
 pub const COMMON_GENES: usize = 18;
 pub const ROBOT_GENES: usize = 3 + WISH_GENES;
 /// Circle of every robot of a [`Scene`].
-const RADIUS_M: f64 = 0.25;
+pub(crate) const RADIUS_M: f64 = 0.25;
 /// Gap between robots, and to walls, at the start.
 const START_GAP_M: f64 = 0.03;
 const HALF_ARENA_M: [f64; 2] = [2.0, 1.5];
@@ -202,6 +202,13 @@ impl Attack {
 
     /// The run.
     pub fn run(&self) -> Result<Outcome> {
+        self.run_watched(false, |_| {})
+    }
+
+    /// The run, looked at after every control tick.
+    ///
+    /// - `keep_records`: the rig keeps what the laboratory wrote down for `look`, which may take it.
+    pub fn run_watched(&self, keep_records: bool, mut look: impl FnMut(&mut Rig)) -> Result<Outcome> {
         let starts = self.starts();
         let robots: Vec<SceneRobot> = starts
             .iter()
@@ -212,7 +219,7 @@ impl Attack {
             .collect();
         let scene = Scene::mixed(&self.chassis, &robots, self.seconds)?;
         let mut rig = Rig::with_law(&scene, &self.settings(), self.law())?;
-        rig.keep_records = false;
+        rig.keep_records = keep_records;
         let fault = Fault::of(self);
         let mut late = Noise::new(self.seed, 0x01A7E);
         let mut fastest_m_per_s: f64 = 0.0;
@@ -225,6 +232,7 @@ impl Attack {
             if !rig.tick() {
                 break;
             }
+            look(&mut rig);
             if tick % 12 == 0 {
                 let speeds = (0..robots.len()).map(|robot| rig.speed_m_per_s(robot));
                 fastest_m_per_s = speeds.fold(fastest_m_per_s, f64::max);

@@ -11,6 +11,7 @@ pub mod agent;
 mod air;
 pub mod attack;
 pub mod blind;
+pub mod closest;
 pub mod deadlock;
 pub mod evolution;
 pub mod falsify;

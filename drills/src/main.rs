@@ -3,7 +3,7 @@
 use anyhow::Result;
 use clap::{Parser, Subcommand};
 use drills::adversary::{self, Aim};
-use drills::{agent, blind, deadlock, falsify, link_loss, sight, stale, strangers, table, tracking};
+use drills::{agent, blind, closest, deadlock, falsify, link_loss, sight, stale, strangers, table, tracking};
 use emulator::camera::CameraSettings;
 use std::process::ExitCode;
 
@@ -19,6 +19,12 @@ struct Arguments {
 enum Drill {
     /// S5: hostile runs of 10 s on the emulated plant; collisions and smallest distances
     Adversary(Runs),
+    /// How the closest two robots of a run of S5 came there, tick by tick
+    Closest {
+        number: u64,
+        #[arg(long, default_value_t = 1)]
+        seed: u64,
+    },
     /// S7: the same, driving at walls
     Geofence(Runs),
     /// S5: search for a collision by CMA-ES
@@ -76,6 +82,10 @@ fn main() -> Result<ExitCode> {
         Drill::Adversary(runs) => {
             let rows = adversary::run(Aim::Anything, runs.first, runs.or(30_000), runs.seed, runs.threads)?;
             table::print(&rows)
+        }
+        Drill::Closest { number, seed } => {
+            closest::print(&adversary::attack(Aim::Anything, seed, number))?;
+            true
         }
         Drill::Geofence(runs) => {
             let rows = adversary::run(Aim::Walls, runs.first, runs.or(3000), runs.seed, runs.threads)?;

@@ -24,6 +24,8 @@ pub struct RobotHealth {
     pub telemetry_age_us: i64,
     /// Age of the newest believed pose.
     pub pose_age_us: i64,
+    /// It says that it has latched itself off: it heard nothing for so long, and no set-point moves it any more.
+    pub latched: bool,
 }
 
 /// What the state machine looks at.
@@ -83,6 +85,8 @@ pub enum Ending {
     RecorderFailed,
     /// Index of the robot in the experiment.
     RobotSilent(usize),
+    /// Index of the robot in the experiment: it hears nothing, though it may be heard.
+    RobotDeaf(usize),
     /// Index of the robot in the experiment, and what is wrong with it.
     RobotUnfit(usize, Finding),
     TrackerSilent,
@@ -121,6 +125,7 @@ fn find_ending(inputs: &Inputs) -> Option<Ending> {
             .iter()
             .position(|robot| robot.telemetry_age_us > ROBOT_SILENT_US)
     };
+    let deaf = || inputs.robots.iter().position(|robot| robot.latched);
     let lost = || inputs.robots.iter().position(|robot| robot.pose_age_us > POSE_FAIL_US);
     let unfit = |consequence| {
         let found = signals.robot_finding;
@@ -140,6 +145,8 @@ fn find_ending(inputs: &Inputs) -> Option<Ending> {
         Some(Ending::RobotUnfit(robot, finding))
     } else if let Some(robot) = silent() {
         Some(Ending::RobotSilent(robot))
+    } else if let Some(robot) = deaf() {
+        Some(Ending::RobotDeaf(robot))
     } else if inputs.tracker_age_us > TRACKER_FAIL_US {
         Some(Ending::TrackerSilent)
     } else if let Some(robot) = lost() {
@@ -203,6 +210,16 @@ impl Ending {
                     ROBOT_SILENT_US / 1000
                 ),
             ),
+            Self::RobotDeaf(index) => (
+                RunState::Failed,
+                Whose::Robot,
+                "robot_deaf",
+                format!(
+                    "Robot {} heard no command for {} ms and switched itself off; look at its radio and at what else uses the air.",
+                    name(index),
+                    ROBOT_SILENT_US / 1000
+                ),
+            ),
             Self::RobotUnfit(index, finding) => (
                 RunState::Failed,
                 Whose::Robot,
@@ -256,6 +273,7 @@ mod tests {
     const FINE: [RobotHealth; 2] = [RobotHealth {
         telemetry_age_us: 9_000,
         pose_age_us: 12_000,
+        latched: false,
     }; 2];
     const QUIET: Signals = Signals {
         protective_stop: false,
@@ -313,6 +331,22 @@ mod tests {
             Permission::Ended(Ending::TrackerSilent),
             "an ending is never left"
         );
+    }
+
+    /// Heard, but hearing nothing: to the others it would be a robot that makes room and does not.
+    #[test]
+    fn a_robot_that_switched_itself_off_ends_the_run() {
+        let mut robots = FINE;
+        robots[1].latched = true;
+        let mut safety = Safety::default();
+        assert_eq!(safety.tick(&inputs(&robots)), Permission::Ended(Ending::RobotDeaf(1)));
+        let (state, fault) = Ending::RobotDeaf(1).report(&["omni-01".into(), "omni-02".into()]);
+        let fault = fault.expect("a fault");
+        assert_eq!(
+            (state, fault.whose, fault.code.as_str()),
+            (RunState::Failed, Whose::Robot, "robot_deaf")
+        );
+        assert!(fault.message.contains("omni-02"), "{}", fault.message);
     }
 
     #[test]
