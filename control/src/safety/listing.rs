@@ -46,6 +46,7 @@ pub struct Listing {
     steered: bool,
 }
 
+const COUNTED: u64 = 1 << 59;
 const WALLS: u64 = 1 << 60;
 const FENCE: u64 = 2 << 60;
 const OBSTACLES: u64 = 3 << 60;
@@ -58,8 +59,14 @@ fn key(kind: u64, robot: usize, item: usize, [way, side, later]: [usize; 3]) -> 
     kind | (robot as u64) << 28 | (item as u64) << 4 | (way as u64) << 2 | (side as u64) << 1 | later as u64
 }
 
-/// Most rows of a pair or of a robot against one thing: two sides, two headings, two ways of each steered robot.
-const PAIR_ROWS: [usize; 2] = [4, 16];
+/// A robot may make room more slowly than it was told by so much before nobody counts on what it was told, m/s: beyond the margin, where
+/// robots that hardly move at all may hold each other, and inside it.
+const SLOWER_M_PER_S: f64 = 0.02;
+const SLOWER_INSIDE_M_PER_S: f64 = 1e-3;
+
+/// Most rows of a pair (both together, and each by itself) or of a robot against one thing: two sides, two headings, two ways of each
+/// steered robot.
+const PAIR_ROWS: [usize; 2] = [4 + 2 * SINGLE_ROWS[0], 16 + 2 * SINGLE_ROWS[1]];
 const SINGLE_ROWS: [usize; 2] = [4, 8];
 
 /// For how long a velocity may turn with the body before a command of the next tick bends it back.
@@ -88,6 +95,7 @@ impl Listing {
     pub fn fill(&mut self, robots: &Robots, scene: &Scene, limits: &Limits) {
         self.rows.clear();
         pairs(robots, limits, &mut self.rows);
+        each(robots, |i, at| counted(i, at, robots, limits, &mut self.rows));
         each(robots, |i, at| walls(i, at, robots, scene, limits, &mut self.rows));
         if let Some(fence) = &scene.fence {
             each(robots, |i, at| sides(i, at, robots, fence, limits, &mut self.rows));
@@ -212,6 +220,53 @@ fn pair([i, j]: [usize; 2], line: Vector, distance_m: f64, robots: &Robots, limi
                 };
                 rows.extend(row.normalised());
             }
+        }
+    }
+}
+
+/// Rows of a robot by itself against others that make room more slowly than they were told, or not at all.
+///
+/// The row of a pair lets one robot come as fast as the other is told to go. One that is stuck, blocked or late does not go; what
+/// it is seen to do counts then. Nobody has to flee for it: standing still remains allowed.
+fn counted(i: usize, at: Vector, robots: &Robots, limits: &Limits, rows: &mut Vec<Row>) {
+    let a = &robots.places[i];
+    let reach = reach_m(2.0 * limits.speed_m_per_s, limits) + limits.robot_margin_m;
+    for (j, b) in robots.places.iter().enumerate() {
+        let Some(at_b) = b.position.filter(|_| b.movable && j != i) else {
+            continue;
+        };
+        let line = sub(at, at_b);
+        let far = reach + a.radius_m + farthest_lost_m(a, limits) + b.radius_m + farthest_lost_m(b, limits);
+        let square = dot(line, line);
+        if !(COINCIDENT_M * COINCIDENT_M..far * far).contains(&square) {
+            continue;
+        }
+        let distance_m = square.sqrt();
+        let n = scale(line, 1.0 / distance_m);
+        let seen = dot(n, b.velocity);
+        let slower = seen - dot(n, b.commanded);
+        if slower <= SLOWER_INSIDE_M_PER_S {
+            continue;
+        }
+        let free_m = distance_m - a.radius_m - b.radius_m - limits.robot_margin_m - 2.0 * limits.pose_error_m;
+        if free_m > 0.0 && slower <= SLOWER_M_PER_S {
+            continue;
+        }
+        let gap_m = free_m - lost_m(a, b, n, limits);
+        let bound = (seen - approach_m_per_s(gap_m, limits)).min(0.0);
+        let first = rows.len();
+        alone(
+            i,
+            [COUNTED, j as u64],
+            Source::Robot,
+            [free_m, gap_m, bound],
+            n,
+            robots,
+            limits,
+            rows,
+        );
+        for row in &mut rows[first..] {
+            row.robots[1] = j as u32;
         }
     }
 }
