@@ -1,0 +1,1 @@
+//! ONNX Runtime beside our own evaluations. Not pure: it loads a shared library.
