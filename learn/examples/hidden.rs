@@ -1,117 +1,104 @@
-//! Learns on plants with an effect that the library does not have, and prints the three-way table of each.
+//! Learns on plants with a force that the library does not have, or on logs of real robots, and prints the three-way table
+//! of each.
 //!
-//! `cargo run --release -p learn --example hidden -- [--twist] [--seconds N] [--runs N] CHASSIS:EFFECT...`; all when none is named.
+//! `cargo run --release -p learn --example hidden -- [--twist] [--motion] [--seconds N] [--runs N] CASE...`; a case is
+//! `CHASSIS:EFFECT`, `husky`, `dart` or `mrclam`.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
+#[path = "../tests/support/plants.rs"]
+mod plants;
+#[path = "../../identify/tests/real_logs/mod.rs"]
+mod real_logs;
+#[path = "../tests/support/threads.rs"]
+mod threads;
 
-use blind::kind::Kind;
-use blind::set::{Set, Wish};
-use blind::unknown;
-use identify::workers::Workers;
+use identify::diagnose::Run;
+use learn::inputs::Sight;
 use learn::linear::Target;
+use learn::report::Report;
 use learn::session::{Request, learn};
 
-/// Two threads.
-struct Threads;
+use threads::Threads;
 
-impl Workers for Threads {
-    fn run(&self, count: usize, work: &(dyn Fn(usize) + Sync)) {
-        let next = AtomicUsize::new(0);
-        std::thread::scope(|scope| {
-            for _ in 0..2 {
-                scope.spawn(|| {
-                    loop {
-                        let item = next.fetch_add(1, Ordering::Relaxed);
-                        if item >= count {
-                            break;
-                        }
-                        work(item);
-                    }
-                });
-            }
-        });
-    }
-}
-
-const SEED: u64 = 20_261_122;
-const USUAL: [&str; 5] = [
+const USUAL: [&str; 6] = [
     "diff2:air_drag",
     "omni4:sideways_force",
     "omni4:force_hill",
-    "rwd:air_drag",
-    "diff4:one_sided_loop_gain",
+    "husky",
+    "dart",
+    "mrclam",
 ];
 
-/// The set of a chassis with a named unknown effect.
-fn set(chassis: &str, effect: &str, wish: &Wish) -> Option<Set> {
-    let wish = Wish {
-        kind: Some(Kind::Unknown),
-        chassis: Some(chassis.to_owned()),
-        ..wish.clone()
-    };
-    let robot = blind::background::robot(chassis, false);
-    let number = unknown::names(&robot).iter().position(|name| *name == effect)?;
-    Set::new(SEED, number as u64, &wish).ok()
+/// References and runs of a case; `None` where the logs are absent.
+fn case(name: &str, seconds: u32, runs: usize) -> Option<(Vec<Run>, Vec<Run>)> {
+    let none = Vec::new();
+    Some(match name {
+        "husky" => (none, real_logs::husky::runs(real_logs::husky::ROBOT, &[true, false, true, false], 12, 20, true)?),
+        "dart" => {
+            let mut all = Vec::new();
+            for name in real_logs::dart::FREE {
+                all.extend(real_logs::dart::runs(name, 3)?);
+            }
+            (none, all)
+        }
+        "mrclam" => (none, real_logs::mrclam::runs(1, 100.0, 60.0, 12)?),
+        plant => {
+            let (chassis, effect) = plant.split_once(':')?;
+            let driven = plants::driven(chassis, effect, seconds, 3, runs);
+            (driven.references, driven.runs)
+        }
+    })
+}
+
+fn courses(report: &Report) {
+    for attempt in &report.attempts {
+        println!(
+            "  {:?}: {} inputs, loss {:.3} -> {:.3}",
+            attempt.sight, attempt.inputs, attempt.physics, attempt.validation
+        );
+        for round in &attempt.rounds {
+            let course = &round.course;
+            println!(
+                "    {} epochs, kept {}: train {:.3}, stop {:.3} -> {:.3}; driven {:.3}",
+                course.epochs, course.kept, course.train, course.validation_before, course.validation, round.validation
+            );
+        }
+    }
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let mut wish = Wish {
-        seconds: 40,
-        references: 4,
-        runs: 9,
-        ..Wish::standard()
-    };
-    let (mut target, mut cases) = (Target::Path, Vec::new());
+    let (mut seconds, mut runs) = (30, 9);
+    let (mut target, mut motion, mut cases) = (Target::Path, false, Vec::new());
     let mut arguments = std::env::args().skip(1);
     while let Some(argument) = arguments.next() {
-        let mut number = || arguments.next().unwrap_or_default().parse::<u32>();
         match argument.as_str() {
             "--twist" => target = Target::Twist,
-            "--seconds" => wish.seconds = number()?,
-            "--runs" => wish.runs = number()? as usize,
+            "--motion" => motion = true,
+            "--seconds" => seconds = arguments.next().unwrap_or_default().parse()?,
+            "--runs" => runs = arguments.next().unwrap_or_default().parse()?,
             _ => cases.push(argument),
         }
     }
     if cases.is_empty() {
         cases = USUAL.map(str::to_owned).to_vec();
     }
-    for case in cases {
-        let (chassis, effect) = case.split_once(':').ok_or("name CHASSIS:EFFECT")?;
-        let set = set(chassis, effect, &wish).ok_or("no such chassis or effect")?;
-        let driven = set.driven(0)?;
-        let begun = std::time::Instant::now();
-        let mut request = Request::new(&driven.runs);
-        request.references = &driven.references;
+    for name in cases {
+        let Some((references, runs)) = case(&name, seconds, runs) else {
+            continue;
+        };
+        let mut request = Request::new(&runs);
+        request.references = &references;
         request.target = target;
-        let outcome = learn(&Threads, &request)?;
-        println!("{case}, {:.1} s", begun.elapsed().as_secs_f64());
-        for attempt in &outcome.report.attempts {
-            let rounds: Vec<String> = attempt
-                .rounds
-                .iter()
-                .map(|round| {
-                    let course = &round.course;
-                    format!(
-                        "[{} epochs, kept {}, train {:.3} stop {:.3} -> {:.3}; driven {:.3}]",
-                        course.epochs,
-                        course.kept,
-                        course.train,
-                        course.validation_before,
-                        course.validation,
-                        round.validation
-                    )
-                })
-                .collect();
-            println!(
-                "  {:?}: {} inputs, loss {:.3} -> {:.3} {}",
-                attempt.sight,
-                attempt.inputs,
-                attempt.physics,
-                attempt.validation,
-                rounds.join(" ")
-            );
+        if motion {
+            request.sights = vec![Sight::Motion];
         }
-        println!("{}", outcome.report.table());
+        println!("{name}");
+        match learn(&Threads, &request) {
+            Ok(outcome) => {
+                courses(&outcome.report);
+                println!("{}", outcome.report.table());
+            }
+            Err(error) => println!("  refused: {error}\n"),
+        }
     }
     Ok(())
 }

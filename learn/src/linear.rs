@@ -1,7 +1,7 @@
 //! The twin's error in a window, linear in accelerations of its body.
 //!
 //! ```text
-//! e(a) = e_0 - J (a - a_0)          a: 3 accelerations per block of 0.1 s, a_0: those of the network then
+//! e(a) = e_0 - J (a - a_0)          a: 3 accelerations per block of 0.2 s, a_0: those of the network then
 //! loss = sum w e^2 = energy - 2 pull . (a - a_0) + (a - a_0)' gram (a - a_0)
 //! ```
 //!
@@ -20,13 +20,16 @@ use crate::window::Window;
 /// Number of accelerations.
 pub const AXES: usize = OUTPUTS.len();
 /// Control ticks of a block.
-const BLOCK_TICKS: u64 = 12;
+const BLOCK_TICKS: u64 = 24;
 /// Every which control tick's inputs the network is trained on.
 const SAMPLED_TICKS: u64 = 3;
 /// Accelerations of a probe, in the order of [`OUTPUTS`].
 const PROBE: [f64; AXES] = [0.2, 0.2, 1.0];
 /// Differences beyond this many typical errors count less, as if they grew linearly (Huber 1964).
 const HUBER: f64 = 3.0;
+
+/// 90 % of the sizes of a normal distribution are below this many deviations.
+const NORMAL_90: f64 = 1.645;
 
 /// What the network is taught by.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -57,20 +60,17 @@ pub struct Problem {
 }
 
 impl Scales {
-    /// RMS of each class over windows.
+    /// Of each class over windows, as for a normal distribution, from its 90 % quantile: a few wild windows do not set it.
     pub fn of<'a>(all: impl Iterator<Item = &'a [Difference]>) -> Scales {
-        let (mut sums, mut counts) = ([0.0; CLASSES], [0.0; CLASSES]);
+        let mut sizes: [Vec<f64>; CLASSES] = Default::default();
         for difference in all.flatten() {
-            sums[difference.class as usize] += difference.value * difference.value;
-            counts[difference.class as usize] += 1.0;
+            sizes[difference.class as usize].push(difference.value.abs());
         }
-        let mut scales = [f64::INFINITY; CLASSES];
-        for class in 0..CLASSES {
-            if counts[class] > 0.0 && sums[class] > 0.0 {
-                scales[class] = (sums[class] / counts[class]).sqrt();
-            }
-        }
-        Scales(scales)
+        Scales(sizes.map(|mut sizes| {
+            sizes.sort_by(f64::total_cmp);
+            let size = sizes.get(sizes.len() * 9 / 10).map(|size| size / NORMAL_90);
+            size.filter(|size| *size > 0.0).unwrap_or(f64::INFINITY)
+        }))
     }
 
     /// Weights of the differences of a window: every class the same, outliers less.

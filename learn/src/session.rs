@@ -101,7 +101,7 @@ pub const COMPARED: Cut = Cut {
     period_s: 2.0,
 };
 /// Most windows of each role that are kept in memory.
-pub const MOST_WINDOWS: usize = 1200;
+pub const MOST_WINDOWS: usize = 800;
 /// Fewest windows of the training runs, and of the others.
 const LEAST_TRAINING: usize = 8;
 const LEAST_OTHER: usize = 3;
