@@ -32,7 +32,10 @@ const USUAL: [&str; 6] = [
 fn case(name: &str, seconds: u32, runs: usize) -> Option<(Vec<Run>, Vec<Run>)> {
     let none = Vec::new();
     Some(match name {
-        "husky" => (none, real_logs::husky::runs(real_logs::husky::ROBOT, &[true, false, true, false], 12, 20, true)?),
+        "husky" => (
+            none,
+            real_logs::husky::runs(real_logs::husky::ROBOT, &[true, false, true, false], 12, 20, true)?,
+        ),
         "dart" => {
             let mut all = Vec::new();
             for name in real_logs::dart::FREE {

@@ -66,7 +66,11 @@ impl BlackBox {
         go_on: &mut dyn FnMut(usize, f64) -> bool,
     ) -> Option<BlackBox> {
         // Quantities that only the twin could give it on the way are left out.
-        let eyes: Vec<Eye> = eyes.iter().filter(|eye| eye.quantity != Quantity::Steering).copied().collect();
+        let eyes: Vec<Eye> = eyes
+            .iter()
+            .filter(|eye| eye.quantity != Quantity::Steering)
+            .copied()
+            .collect();
         let thinned = |windows: &[Window]| -> Vec<Window> {
             let stride = windows.len().div_ceil(MOST_WINDOWS).max(1);
             windows.iter().step_by(stride).cloned().collect()
@@ -93,7 +97,11 @@ impl BlackBox {
                     own.loss(&train[*number], Some(&mut gradient));
                 }
                 let size = gradient.iter().map(|g| g * g).sum::<f64>().sqrt() / batch.len() as f64;
-                let shrink = if size > LARGEST_GRADIENT { LARGEST_GRADIENT / size } else { 1.0 };
+                let shrink = if size > LARGEST_GRADIENT {
+                    LARGEST_GRADIENT / size
+                } else {
+                    1.0
+                };
                 gradient.iter_mut().for_each(|g| *g *= shrink / batch.len() as f64);
                 if gradient.iter().all(|g| g.is_finite()) {
                     adam.step(own.network.parameters_mut(), &gradient, rate, settings.decay);
@@ -114,7 +122,9 @@ impl BlackBox {
 
     fn untrained(robot: &Robot, eyes: &[Eye], train: &[Window], settings: &Settings) -> Option<BlackBox> {
         let described = &robot.description().wheels;
-        let wheels: Vec<usize> = (0..described.len()).filter(|k| described[*k].kind != "caster").collect();
+        let wheels: Vec<usize> = (0..described.len())
+            .filter(|k| described[*k].kind != "caster")
+            .collect();
         let count = TWIST + wheels.len();
         let mut own = BlackBox {
             robot: robot.clone(),
@@ -138,7 +148,14 @@ impl BlackBox {
             }
             for pair in measured.windows(2) {
                 let step_s = pair[1].0 - pair[0].0;
-                rates.push(pair[1].1.iter().zip(&pair[0].1).map(|(b, a)| (b - a) / step_s).collect::<Vec<f64>>());
+                rates.push(
+                    pair[1]
+                        .1
+                        .iter()
+                        .zip(&pair[0].1)
+                        .map(|(b, a)| (b - a) / step_s)
+                        .collect::<Vec<f64>>(),
+                );
             }
             states.extend(measured.into_iter().map(|(_, state)| state));
         }
@@ -152,9 +169,15 @@ impl BlackBox {
         for k in 0..count {
             let number = states.len() as f64;
             own.mean[k] = states.iter().map(|s| s[k]).sum::<f64>() / number;
-            let spread = states.iter().map(|s| (s[k] - own.mean[k]) * (s[k] - own.mean[k])).sum::<f64>() / number;
+            let spread = states
+                .iter()
+                .map(|s| (s[k] - own.mean[k]) * (s[k] - own.mean[k]))
+                .sum::<f64>()
+                / number;
             own.deviation[k] = spread.sqrt().max(1e-3);
-            own.rate[k] = (rates.iter().map(|r| r[k] * r[k]).sum::<f64>() / rates.len() as f64).sqrt().max(1e-3);
+            own.rate[k] = (rates.iter().map(|r| r[k] * r[k]).sum::<f64>() / rates.len() as f64)
+                .sqrt()
+                .max(1e-3);
         }
         let mut sizes = vec![frame.eyes.len()];
         sizes.extend(&settings.hidden);
@@ -166,10 +189,15 @@ impl BlackBox {
 
     /// Measured states at the middles of the bins where everything was measured.
     fn measured(&self, window: &Window) -> Vec<(f64, Vec<f64>)> {
-        let twists = window.samples.iter().filter(|sample| sample.reading == Reading::Forward);
+        let twists = window
+            .samples
+            .iter()
+            .filter(|sample| sample.reading == Reading::Forward);
         let near = |reading: Reading, time_s: f64| {
             let mut found = window.samples.iter().filter(|sample| sample.reading == reading);
-            found.find(|sample| (sample.time_s - time_s).abs() < 0.06).map(|sample| sample.value)
+            found
+                .find(|sample| (sample.time_s - time_s).abs() < 0.06)
+                .map(|sample| sample.value)
         };
         let state = |time_s: f64| -> Option<Vec<f64>> {
             let mut state = vec![
@@ -184,7 +212,9 @@ impl BlackBox {
             }
             Some(state)
         };
-        twists.filter_map(|sample| Some((sample.time_s, state(sample.time_s)?))).collect()
+        twists
+            .filter_map(|sample| Some((sample.time_s, state(sample.time_s)?)))
+            .collect()
     }
 
     /// Set-points in force at every step.
@@ -281,7 +311,11 @@ impl BlackBox {
                 Reading::Forward => Some(0),
                 Reading::Left => Some(1),
                 Reading::YawRate | Reading::Gyro => Some(2),
-                Reading::Wheel(k) => self.wheels.iter().position(|wheel| *wheel == k).map(|place| TWIST + place),
+                Reading::Wheel(k) => self
+                    .wheels
+                    .iter()
+                    .position(|wheel| *wheel == k)
+                    .map(|place| TWIST + place),
             };
             let position = sample.time_s / STEP_S;
             let (step, part) = (position as usize, position.fract());
@@ -309,7 +343,9 @@ impl BlackBox {
         let first = STEP_TICKS as usize;
         for step in (0..trail.states.len() - 1).rev() {
             let after = slopes[step + 1].clone();
-            let of_outputs: Vec<f64> = (0..after.len()).map(|k| share * after[k] * STEP_S * self.rate[k]).collect();
+            let of_outputs: Vec<f64> = (0..after.len())
+                .map(|k| share * after[k] * STEP_S * self.rate[k])
+                .collect();
             let of_inputs = self.network.backward(&trail.passes[step], &of_outputs, gradient);
             for (slope, value) in slopes[step].iter_mut().zip(&after) {
                 *slope += value;
@@ -359,6 +395,8 @@ impl Predictor for BlackBox {
                 }
             })
             .collect();
-        path.iter().all(|m| m.x_m.is_finite() && m.y_m.is_finite()).then_some(path)
+        path.iter()
+            .all(|m| m.x_m.is_finite() && m.y_m.is_finite())
+            .then_some(path)
     }
 }

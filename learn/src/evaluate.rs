@@ -90,7 +90,11 @@ impl Sums {
 
     fn rms(&self, place: usize) -> f64 {
         let (sum, count) = self.0[place];
-        if count == 0 { 0.0 } else { (sum / f64::from(count)).sqrt() }
+        if count == 0 {
+            0.0
+        } else {
+            (sum / f64::from(count)).sqrt()
+        }
     }
 }
 
@@ -125,9 +129,11 @@ pub fn figures(
     })?;
     let total = |wanted: &dyn Fn(&Window) -> bool| {
         let pairs = windows.iter().zip(&all).filter(|(window, _)| wanted(window));
-        pairs.filter_map(|(_, sums)| sums.as_ref()).fold([Sums::default(); 3], |total, sums| {
-            core::array::from_fn(|k| total[k].joined(&sums[k]))
-        })
+        pairs
+            .filter_map(|(_, sums)| sums.as_ref())
+            .fold([Sums::default(); 3], |total, sums| {
+                core::array::from_fn(|k| total[k].joined(&sums[k]))
+            })
     };
     let figure = |sums: &[Sums; 3], place: usize| {
         let (quantity, unit, horizon_s) = QUANTITIES[place];
@@ -142,7 +148,10 @@ pub fn figures(
         }
     };
     let whole = total(&|_| true);
-    let figures = (0..COUNT).map(|place| figure(&whole, place)).filter(|figure| figure.samples > 0).collect();
+    let figures = (0..COUNT)
+        .map(|place| figure(&whole, place))
+        .filter(|figure| figure.samples > 0)
+        .collect();
     let runs = paths.iter().enumerate().filter_map(|(run, path)| {
         let sums = total(&|window| window.run == run);
         let position_m = figure(&sums, FAR);
@@ -162,6 +171,8 @@ pub fn far_position_m(workers: &dyn Workers, windows: &[Window], predictor: &dyn
         residual: None,
     };
     let (figures, _) = figures(workers, windows, rivals, &[])?;
-    let far = figures.iter().find(|figure| figure.quantity == "position" && figure.horizon_s == HORIZONS_S[1]);
+    let far = figures
+        .iter()
+        .find(|figure| figure.quantity == "position" && figure.horizon_s == HORIZONS_S[1]);
     Ok(far.map_or(f64::INFINITY, |figure| figure.physics))
 }

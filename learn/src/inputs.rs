@@ -124,7 +124,10 @@ impl<'a> Watch<'a> {
     /// Takes in a tick.
     pub fn take(&mut self, tick: &Tick) {
         let observation = self.robot.observation(&tick.state, &tick.command);
-        let values = self.eyes.iter().map(|eye| observation.value(eye.quantity, eye.wheel.unwrap_or(0)));
+        let values = self
+            .eyes
+            .iter()
+            .map(|eye| observation.value(eye.quantity, eye.wheel.unwrap_or(0)));
         self.seen.extend(values);
     }
 

@@ -165,7 +165,11 @@ mod tests {
         let loss = |network: &Network, inputs: &[f64]| {
             let mut pass = Pass::default();
             let outputs = network.forward(inputs, &mut pass);
-            outputs.iter().zip(slopes).map(|(y, s)| s * y + 0.5 * y * y).sum::<f64>()
+            outputs
+                .iter()
+                .zip(slopes)
+                .map(|(y, s)| s * y + 0.5 * y * y)
+                .sum::<f64>()
         };
         let mut pass = Pass::default();
         let outputs: Vec<f64> = network.forward(&inputs, &mut pass).to_vec();
@@ -179,7 +183,11 @@ mod tests {
             let above = loss(&moved, &inputs);
             moved.parameters_mut()[k] -= 2.0 * step;
             let difference = (above - loss(&moved, &inputs)) / (2.0 * step);
-            assert!((difference - gradient[k]).abs() < 1e-8, "{k}: {difference} {}", gradient[k]);
+            assert!(
+                (difference - gradient[k]).abs() < 1e-8,
+                "{k}: {difference} {}",
+                gradient[k]
+            );
         }
         for k in 0..inputs.len() {
             let (mut up, mut down) = (inputs, inputs);

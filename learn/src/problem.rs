@@ -7,7 +7,9 @@ use identify::workers::Cancelled;
 pub enum LearnError {
     #[error("{path}: {message}")]
     Unreadable { path: String, message: String },
-    #[error("{found} runs; at least {least} are needed: one to train, one to validate, one that stays locked; give more --runs")]
+    #[error(
+        "{found} runs; at least {least} are needed: one to train, one to validate, one that stays locked; give more --runs"
+    )]
     TooFewRuns { found: usize, least: usize },
     #[error("{path} has {found} wheels, {other} has {expected}: all runs must be of one robot")]
     OtherRobot {
@@ -34,7 +36,9 @@ pub enum LearnError {
         least: usize,
         horizon_s: f64,
     },
-    #[error("{path}: {quantity} of {value} at {time_s:.3} s is beyond +-{limit}: no robot of a laboratory does that; check the units")]
+    #[error(
+        "{path}: {quantity} of {value} at {time_s:.3} s is beyond +-{limit}: no robot of a laboratory does that; check the units"
+    )]
     Absurd {
         path: String,
         quantity: &'static str,

@@ -37,11 +37,7 @@ impl Predictor for Robot {
 /// The twin driven through a window.
 ///
 /// - `push`: accelerations besides the model's own; see [`replay_pushed`].
-pub fn driven(
-    robot: &Robot,
-    window: &Window,
-    push: &mut dyn FnMut(&Tick) -> Option<[f64; 3]>,
-) -> Option<Vec<Moment>> {
+pub fn driven(robot: &Robot, window: &Window, push: &mut dyn FnMut(&Tick) -> Option<[f64; 3]>) -> Option<Vec<Moment>> {
     let mut start = window.start;
     if robot.description().motor.is_none() {
         start.current_a = Default::default();

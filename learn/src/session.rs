@@ -136,7 +136,9 @@ pub fn learn(workers: &dyn Workers, request: &Request<'_>) -> Result<Outcome, Le
     for (number, sight) in request.sights.iter().enumerate() {
         let share = 0.1 + 0.6 * number as f64 / request.sights.len() as f64;
         let (attempt, learner) = context.attempt(*sight, share)?;
-        let least = best.as_ref().map_or(f64::INFINITY, |(_, _, loss)| *loss * (1.0 - LEAST_FOR_MORE));
+        let least = best
+            .as_ref()
+            .map_or(f64::INFINITY, |(_, _, loss)| *loss * (1.0 - LEAST_FOR_MORE));
         if let Some(learner) = learner
             && attempt.validation < least
         {
@@ -171,7 +173,11 @@ pub fn learn(workers: &dyn Workers, request: &Request<'_>) -> Result<Outcome, Le
         }
     }
     workers.progress("black box", 0.75);
-    let sight = carried.as_ref().map_or(request.sights.first().copied(), |(number, ..)| Some(request.sights[*number]));
+    let sight = carried
+        .as_ref()
+        .map_or(request.sights.first().copied(), |(number, ..)| {
+            Some(request.sights[*number])
+        });
     let black_box = BlackBox::trained(
         &robot,
         &eyes(robot.description(), sight.unwrap_or(Sight::Motion)),
@@ -187,7 +193,12 @@ pub fn learn(workers: &dyn Workers, request: &Request<'_>) -> Result<Outcome, Le
         residual: carried.as_ref().map(|(.., with)| with as &dyn Predictor),
     };
     let (locked, locked_runs) = figures(workers, &windows.locked.windows, rivals, &survey.paths())?;
-    let model = version(request, &survey, &physics, carried.as_ref().map(|(_, _, document, _)| document));
+    let model = version(
+        request,
+        &survey,
+        &physics,
+        carried.as_ref().map(|(_, _, document, _)| document),
+    );
     let report = Report {
         format: FORMAT,
         robot: physics.description.name.clone(),
@@ -248,9 +259,14 @@ fn version(
     residual: Option<&ResidualDocument>,
 ) -> ModelDocument {
     let data = survey.data(request);
-    let files: Vec<Value> = data.iter().map(|data| json!({"path": data.path, "sha256": data.sha256})).collect();
-    let split: serde_json::Map<String, Value> =
-        data.iter().map(|data| (data.path.clone(), Value::from(data.role))).collect();
+    let files: Vec<Value> = data
+        .iter()
+        .map(|data| json!({"path": data.path, "sha256": data.sha256}))
+        .collect();
+    let split: serde_json::Map<String, Value> = data
+        .iter()
+        .map(|data| (data.path.clone(), Value::from(data.role)))
+        .collect();
     let provenance = json!({
         "data": files,
         "split": split,

@@ -148,7 +148,8 @@ pub fn train(
         for place in (1..order.len()).rev() {
             order.swap(place, ((uniform(&mut random) * (place + 1) as f64) as usize).min(place));
         }
-        let rate = settings.rate * 0.5 * (1.0 + libm::cos(core::f64::consts::PI * epoch as f64 / settings.epochs as f64));
+        let rate =
+            settings.rate * 0.5 * (1.0 + libm::cos(core::f64::consts::PI * epoch as f64 / settings.epochs as f64));
         let mut total = 0.0;
         for batch in order.chunks(settings.batch.max(1)) {
             let mut gradient = vec![0.0; best.parameters().len()];

@@ -198,7 +198,11 @@ impl<'a> Source<'a> {
         let wheels = (0..bundle.run.robot.wheels.len()).map(|k| (Reading::Wheel(k), Channel::WheelSpeed(k)));
         for (reading, channel) in wheels.chain([(Reading::Gyro, Channel::Gyro)]) {
             let series = bundle.telemetry.series(channel);
-            channels.extend(series.filter(|series| !series.is_constant()).map(|series| (reading, series)));
+            channels.extend(
+                series
+                    .filter(|series| !series.is_constant())
+                    .map(|series| (reading, series)),
+            );
         }
         let mut periods: Vec<f64> = track.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
         periods.sort_by(f64::total_cmp);
@@ -299,7 +303,11 @@ impl<'a> Source<'a> {
         for row in &self.rows[(checkpoint * CHECKPOINT_ROWS).min(forgotten)..forgotten] {
             before.apply(&self.bundle.robot, row);
         }
-        let earlier = self.rows[forgotten..applied].iter().filter(is_set).map(shifted).collect();
+        let earlier = self.rows[forgotten..applied]
+            .iter()
+            .filter(is_set)
+            .map(shifted)
+            .collect();
         let last = self.rows.partition_point(|row| row.time_s < end_s);
         let mut rows: Vec<CommandRow> = self.rows[applied..last].iter().filter(is_set).map(shifted).collect();
         let count = ((end_s - start_s) * ROW_HZ) as usize + 1;
@@ -339,7 +347,8 @@ impl<'a> Source<'a> {
         let times = &self.bundle.telemetry.time_s;
         for bin in 0..bins {
             let begin_s = start_s + from_s + bin as f64 * BIN_S;
-            let rows = times.partition_point(|t| *t < begin_s) as u32..times.partition_point(|t| *t < begin_s + BIN_S) as u32;
+            let rows =
+                times.partition_point(|t| *t < begin_s) as u32..times.partition_point(|t| *t < begin_s + BIN_S) as u32;
             for (reading, series) in &self.channels {
                 let from = series.rows.partition_point(|row| *row < rows.start);
                 let to = series.rows.partition_point(|row| *row < rows.end);
@@ -347,7 +356,11 @@ impl<'a> Source<'a> {
                     continue;
                 }
                 let count = (to - from) as f64;
-                let time_s = series.rows[from..to].iter().map(|row| times[*row as usize]).sum::<f64>() / count;
+                let time_s = series.rows[from..to]
+                    .iter()
+                    .map(|row| times[*row as usize])
+                    .sum::<f64>()
+                    / count;
                 samples.push(Sample {
                     reading: *reading,
                     time_s: time_s - start_s,

@@ -32,11 +32,28 @@ fn operators_are_standard_and_the_metadata_say_what_is_what() {
     assert_eq!(file.opset_import[0].domain, "");
     let graph = file.graph.as_ref().unwrap();
     let standard = [
-        "Max", "Min", "Sub", "Div", "Gemm", "Tanh", "Softsign", "Mul", "Relu", "ReduceProd",
+        "Max",
+        "Min",
+        "Sub",
+        "Div",
+        "Gemm",
+        "Tanh",
+        "Softsign",
+        "Mul",
+        "Relu",
+        "ReduceProd",
     ];
     assert!(graph.node.iter().all(|node| standard.contains(&node.op_type.as_str())));
-    assert_eq!((graph.input[0].name.as_str(), graph.output[0].name.as_str()), ("state", "acceleration"));
-    let get = |key: &str| file.metadata_props.iter().find(|entry| entry.key == key).map(|entry| entry.value.as_str());
+    assert_eq!(
+        (graph.input[0].name.as_str(), graph.output[0].name.as_str()),
+        ("state", "acceleration")
+    );
+    let get = |key: &str| {
+        file.metadata_props
+            .iter()
+            .find(|entry| entry.key == key)
+            .map(|entry| entry.value.as_str())
+    };
     assert_eq!(get("robot"), Some(everything.robot.name.as_str()));
     assert_eq!(get("model_id"), Some(everything.id.as_str()));
     let inputs: Vec<serde_json::Value> = serde_json::from_str(get("inputs").unwrap()).unwrap();
@@ -48,7 +65,9 @@ fn operators_are_standard_and_the_metadata_say_what_is_what() {
 
 #[test]
 fn wheels_are_named_as_in_run_bundles() {
-    let input = twin::residual::Input::new("command_wheel_rad_per_s", -1.0, 1.0).at(2).ago(6);
+    let input = twin::residual::Input::new("command_wheel_rad_per_s", -1.0, 1.0)
+        .at(2)
+        .ago(6);
     assert_eq!(input_name(&input), "command_wheel_2_rad_per_s_6_ticks_ago");
 }
 

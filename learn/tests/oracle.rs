@@ -27,7 +27,11 @@ fn learned(threads: bool) -> Outcome {
     let runs = runs(Some(&truth(DRAG_PER_S, TURN_RAD_PER_S2)), 5);
     let mut request = Request::new(&runs);
     request.sights = vec![Sight::Motion];
-    let outcome = if threads { learn(&Threads, &request) } else { learn(&Serial, &request) };
+    let outcome = if threads {
+        learn(&Threads, &request)
+    } else {
+        learn(&Serial, &request)
+    };
     outcome.unwrap_or_else(|problem| panic!("{problem}"))
 }
 
@@ -77,7 +81,11 @@ fn a_twin_that_is_right_gets_no_residual() {
     let outcome = learn(&Threads, &request).unwrap_or_else(|problem| panic!("{problem}"));
     assert!(!outcome.report.useful, "{}", outcome.report.table());
     assert!(outcome.model.residual.is_none() && outcome.learner.is_none());
-    assert!(outcome.report.verdict.contains("discarded"), "{}", outcome.report.verdict);
+    assert!(
+        outcome.report.verdict.contains("discarded"),
+        "{}",
+        outcome.report.verdict
+    );
 }
 
 fn windows() -> Vec<Window> {
@@ -91,7 +99,10 @@ fn windows() -> Vec<Window> {
 fn the_linear_loss_is_that_of_a_driven_twin() {
     let robot = Robot::new(description()).unwrap();
     let windows = windows();
-    let plain: Vec<_> = windows.iter().map(|w| differences(w, &robot.path(w).unwrap(), true).unwrap()).collect();
+    let plain: Vec<_> = windows
+        .iter()
+        .map(|w| differences(w, &robot.path(w).unwrap(), true).unwrap())
+        .collect();
     let scales = Scales::of(plain.iter().map(Vec::as_slice));
     let eyes = eyes(robot.description(), Sight::Motion);
     let push = [-0.15, 0.0, 0.4];
@@ -99,7 +110,12 @@ fn the_linear_loss_is_that_of_a_driven_twin() {
         let problem = linearised(&robot, window, &eyes, &scales, Target::Path).unwrap();
         let path = driven(&robot, window, &mut |_| Some(push)).unwrap();
         // Weights of the outliers are those of the linearisation: compare the differences through a loss of its own.
-        let base = differences(window, &driven(&robot, window, &mut |_| Some([0.0; AXES])).unwrap(), true).unwrap();
+        let base = differences(
+            window,
+            &driven(&robot, window, &mut |_| Some([0.0; AXES])).unwrap(),
+            true,
+        )
+        .unwrap();
         let pushed = differences(window, &path, true).unwrap();
         let change: Vec<f64> = push.iter().copied().cycle().take(AXES * problem.blocks).collect();
         let mut gradient = vec![0.0; change.len()];
@@ -117,7 +133,10 @@ fn the_linear_loss_is_that_of_a_driven_twin() {
                 .sum()
         };
         let found = weighted(&pushed) - weighted(&base);
-        assert!((found - predicted).abs() < 0.15 * found.abs() + 0.02, "{found} {predicted}");
+        assert!(
+            (found - predicted).abs() < 0.15 * found.abs() + 0.02,
+            "{found} {predicted}"
+        );
     }
 }
 
@@ -157,5 +176,10 @@ fn a_pause_of_the_telemetry_is_skipped() {
     let (whole, paused) = (cut(&run.bundle), cut(&paused.bundle));
     assert_eq!(whole.skipped, 0);
     assert!(paused.skipped >= 3);
-    assert!(paused.windows.iter().all(|w| w.start_s + w.end_s() < 9.01 || w.start_s > 11.9));
+    assert!(
+        paused
+            .windows
+            .iter()
+            .all(|w| w.start_s + w.end_s() < 9.01 || w.start_s > 11.9)
+    );
 }

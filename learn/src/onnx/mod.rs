@@ -12,7 +12,10 @@ use serde_json::{Value, json};
 use twin::model_document::ModelDocument;
 use twin::residual::{Activation, INPUTS, Input, OUTPUTS, ResidualDocument};
 
-use proto::{Attribute, Dimension, Entry, FLOAT, Graph, INT, INTS, Model, Node, OperatorSet, Shape, Tensor, TensorType, Type, ValueInfo};
+use proto::{
+    Attribute, Dimension, Entry, FLOAT, Graph, INT, INTS, Model, Node, OperatorSet, Shape, Tensor, TensorType, Type,
+    ValueInfo,
+};
 
 /// Version of the operators.
 pub const OPSET: i64 = 17;
@@ -40,7 +43,8 @@ pub fn export(model: &ModelDocument) -> Result<Vec<u8>, OnnxError> {
         ir_version: IR_VERSION,
         producer_name: "robopheus-learn".to_owned(),
         producer_version: env!("CARGO_PKG_VERSION").to_owned(),
-        doc_string: "Residual accelerations of the robot's body, to be added to those of its physical model.".to_owned(),
+        doc_string: "Residual accelerations of the robot's body, to be added to those of its physical model."
+            .to_owned(),
         graph: Some(graph(residual)),
         opset_import: vec![OperatorSet {
             domain: String::new(),
@@ -75,7 +79,10 @@ pub fn input_name(input: &Input) -> String {
 }
 
 fn unit_of(input: &Input) -> &'static str {
-    INPUTS.iter().find(|entry| entry.name == input.name).map_or("", |entry| entry.unit)
+    INPUTS
+        .iter()
+        .find(|entry| entry.name == input.name)
+        .map_or("", |entry| entry.unit)
 }
 
 fn metadata(model: &ModelDocument, residual: &ResidualDocument) -> Vec<Entry> {
@@ -91,7 +98,10 @@ fn metadata(model: &ModelDocument, residual: &ResidualDocument) -> Vec<Entry> {
         .outputs
         .iter()
         .map(|output| {
-            let unit = OUTPUTS.iter().find(|(name, ..)| *name == output.name).map_or("", |(_, unit, _)| *unit);
+            let unit = OUTPUTS
+                .iter()
+                .find(|(name, ..)| *name == output.name)
+                .map_or("", |(_, unit, _)| *unit);
             json!({"name": output.name, "unit": unit, "limit": output.limit})
         })
         .collect();
@@ -162,7 +172,11 @@ fn graph(residual: &ResidualDocument) -> Graph {
     let mut width = inputs.len();
     for (number, layer) in residual.layers.iter().enumerate() {
         let count = layer.bias.len();
-        let weights = b.constant(&format!("weights_{number}"), &[count, width], layer.weights.iter().copied());
+        let weights = b.constant(
+            &format!("weights_{number}"),
+            &[count, width],
+            layer.weights.iter().copied(),
+        );
         let bias = b.constant(&format!("bias_{number}"), &[count], layer.bias.iter().copied());
         let transposed = Attribute {
             name: "transB".to_owned(),
@@ -170,7 +184,12 @@ fn graph(residual: &ResidualDocument) -> Graph {
             kind: INT,
             ..Attribute::default()
         };
-        units = b.node("Gemm", &[&units, &weights, &bias], &format!("sum_{number}"), vec![transposed]);
+        units = b.node(
+            "Gemm",
+            &[&units, &weights, &bias],
+            &format!("sum_{number}"),
+            vec![transposed],
+        );
         let activation = match layer.activation {
             Activation::Linear => None,
             Activation::Tanh => Some("Tanh"),
@@ -191,7 +210,10 @@ fn graph(residual: &ResidualDocument) -> Graph {
     let bounded = b.node("Min", &[&bounded, &most], "bounded", Vec::new());
     let fade = fade(&mut b, residual, &low, &high);
     b.node("Mul", &[&bounded, &fade], OUTPUT, Vec::new());
-    let columns: Vec<String> = inputs.iter().map(|input| format!("{} ({})", input_name(input), unit_of(input))).collect();
+    let columns: Vec<String> = inputs
+        .iter()
+        .map(|input| format!("{} ({})", input_name(input), unit_of(input)))
+        .collect();
     let names: Vec<String> = outputs.iter().map(|output| output.name.clone()).collect();
     Graph {
         node: b.nodes,

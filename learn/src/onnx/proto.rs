@@ -2,10 +2,10 @@
 //!
 //! Repeated numbers of shapes are not packed, as the proto2 file has them.
 
+use prost::DecodeError;
 use prost::Message;
 use prost::bytes::{Buf, BufMut};
 use prost::encoding::{self, DecodeContext, WireType};
-use prost::DecodeError;
 
 macro_rules! messages {
     ($($(#[$doc:meta])* $name:ident { $($tag:literal $field:ident: $label:ident $kind:ident $type:ty,)* })*) => {$(
@@ -78,13 +78,19 @@ macro_rules! merge_field {
 
 macro_rules! field_len {
     (one $kind:ident $tag:literal, $field:expr) => {
-        if is_set(&$field) { encoding::$kind::encoded_len($tag, &$field) } else { 0 }
+        if is_set(&$field) {
+            encoding::$kind::encoded_len($tag, &$field)
+        } else {
+            0
+        }
     };
     (many $kind:ident $tag:literal, $field:expr) => {
         encoding::$kind::encoded_len_repeated($tag, &$field)
     };
     (maybe $kind:ident $tag:literal, $field:expr) => {
-        $field.as_ref().map_or(0, |value| encoding::$kind::encoded_len($tag, value))
+        $field
+            .as_ref()
+            .map_or(0, |value| encoding::$kind::encoded_len($tag, value))
     };
 }
 

@@ -151,7 +151,10 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<bool> {
     if let Some(bytes) = &onnx {
         match Runtime::load().and_then(|runtime| check(&runtime, &outcome.model, bytes)) {
             Ok(found) => outcome.report.onnx = Some(found),
-            Err(error) => outcome.report.remarks.push(format!("model.onnx is not checked: {error}")),
+            Err(error) => outcome
+                .report
+                .remarks
+                .push(format!("model.onnx is not checked: {error}")),
         }
     }
     write(&arguments.out, &outcome, onnx.as_deref())

@@ -26,7 +26,10 @@ const SEED: u64 = 17;
 /// - Errors: no library, a model without a residual, a file that ONNX Runtime refuses.
 pub fn check(runtime: &Runtime, model: &ModelDocument, bytes: &[u8]) -> Result<OnnxCheck, RuntimeError> {
     let wrong = |message: String| RuntimeError::Runtime(message);
-    let document = model.residual.as_ref().ok_or_else(|| wrong(onnx::OnnxError::NoResidual.to_string()))?;
+    let document = model
+        .residual
+        .as_ref()
+        .ok_or_else(|| wrong(onnx::OnnxError::NoResidual.to_string()))?;
     let twin = Residual::new(&model.robot, document).map_err(|problem| wrong(problem.to_string()))?;
     let width = document.inputs.len();
     let inputs = rows(document);
@@ -54,7 +57,10 @@ pub fn check(runtime: &Runtime, model: &ModelDocument, bytes: &[u8]) -> Result<O
         }
     }
     Ok(OnnxCheck {
-        runtime: runtime.path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned()),
+        runtime: runtime
+            .path
+            .file_name()
+            .map_or_else(String::new, |name| name.to_string_lossy().into_owned()),
         rows: ROWS,
         max_difference_twin: of_twin,
         max_difference_training: of_training,
@@ -103,5 +109,7 @@ fn evaluated(document: &ResidualDocument, row: &[f64]) -> Vec<f64> {
             .collect();
     }
     let outputs = document.outputs.iter().zip(&units);
-    outputs.map(|(output, unit)| fade * (output.scale * unit).max(-output.limit).min(output.limit)).collect()
+    outputs
+        .map(|(output, unit)| fade * (output.scale * unit).max(-output.limit).min(output.limit))
+        .collect()
 }

@@ -1,6 +1,7 @@
 //! Where `libonnxruntime` is, and a session of one thread.
 
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 use ort::environment::Environment;
 use ort::session::Session;
@@ -34,7 +35,9 @@ pub fn candidates() -> Vec<PathBuf> {
         // What is named is meant: nothing else is tried.
         return vec![PathBuf::from(given)];
     }
-    let beside = std::env::current_exe().ok().and_then(|program| program.parent().map(Path::to_path_buf));
+    let beside = std::env::current_exe()
+        .ok()
+        .and_then(|program| program.parent().map(Path::to_path_buf));
     let cache = std::env::var_os("XDG_CACHE_HOME")
         .map(PathBuf::from)
         .or_else(|| Some(PathBuf::from(std::env::var_os("HOME")?).join(".cache")));
@@ -42,7 +45,10 @@ pub fn candidates() -> Vec<PathBuf> {
         let names = std::fs::read_dir(&folder).into_iter().flatten().flatten();
         let mut found: Vec<PathBuf> = names
             .map(|entry| entry.path())
-            .filter(|path| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(STEM)))
+            .filter(|path| {
+                path.file_name()
+                    .is_some_and(|name| name.to_string_lossy().starts_with(STEM))
+            })
             .collect();
         found.sort();
         all.extend(found.into_iter().rev());
@@ -75,20 +81,31 @@ impl Runtime {
         Runtime::load_from(path)
     }
 
-    /// Loads a file.
+    /// Loads a file, unless the process has loaded one already: the first stays, and so does its failure.
     ///
     /// - Errors: it cannot be loaded or is older than 1.24.
     pub fn load_from(path: &Path) -> Result<Runtime, RuntimeError> {
-        let wrong = |message: String| RuntimeError::Library {
+        let wrong = |path: &Path, message: String| RuntimeError::Library {
             path: path.display().to_string(),
             message,
         };
-        // Before anything else of `ort`: loading on first use would panic.
-        let builder = ort::init_from(path).map_err(|error| wrong(error.to_string()))?;
-        let environment = builder.build().map_err(|error| wrong(error.to_string()))?;
+        if !path.is_file() {
+            return Err(wrong(path, "there is no such file".to_owned()));
+        }
+        // `ort` keeps a library that it could not load as if it had: a second attempt of the process would panic.
+        static FIRST: OnceLock<(PathBuf, Result<(), String>)> = OnceLock::new();
+        let (path, loaded) = FIRST.get_or_init(|| {
+            let loaded = ort::init_from(path).map(drop).map_err(|error| error.to_string());
+            (path.to_path_buf(), loaded)
+        });
+        if let Err(message) = loaded {
+            return Err(wrong(path, message.clone()));
+        }
+        let builder = ort::init_from(path).map_err(|error| wrong(path, error.to_string()))?;
+        let environment = builder.build().map_err(|error| wrong(path, error.to_string()))?;
         Ok(Runtime {
             environment,
-            path: path.to_path_buf(),
+            path: path.clone(),
         })
     }
 
@@ -101,7 +118,9 @@ impl Runtime {
             .map_err(|error| wrong(error.to_string()))?
             .with_intra_threads(1)
             .map_err(|error| wrong(error.to_string()))?;
-        let session = builder.commit_from_memory(bytes).map_err(|error| wrong(error.to_string()))?;
+        let session = builder
+            .commit_from_memory(bytes)
+            .map_err(|error| wrong(error.to_string()))?;
         Ok(Inference { session })
     }
 }

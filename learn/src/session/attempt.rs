@@ -121,7 +121,9 @@ impl Context<'_> {
         let narrowed = |problems: Vec<Problem>| -> Vec<Problem> {
             let one = |mut problem: Problem| {
                 let rows = problem.inputs.chunks_exact(eyes.len());
-                problem.inputs = rows.flat_map(|row| kept.iter().map(|position| row[*position])).collect();
+                problem.inputs = rows
+                    .flat_map(|row| kept.iter().map(|position| row[*position]))
+                    .collect();
                 problem
             };
             problems.into_iter().map(one).collect()
@@ -169,7 +171,9 @@ impl Context<'_> {
 }
 
 fn rows(problems: &[Problem], width: usize) -> impl Iterator<Item = &[f64]> + Clone {
-    problems.iter().flat_map(move |problem| problem.inputs.chunks_exact(width))
+    problems
+        .iter()
+        .flat_map(move |problem| problem.inputs.chunks_exact(width))
 }
 
 /// The learner as a residual document; limits a little above what the training runs ask for.
@@ -196,5 +200,10 @@ pub(super) fn document(learner: &Learner, windows: &Windows, robot: &Robot) -> R
         scale,
         limit: (LIMIT_ROOM * largest).min(*most),
     });
-    ResidualDocument::new(learner.frame.inputs(), FADE, learner.network.layers(), outputs.collect())
+    ResidualDocument::new(
+        learner.frame.inputs(),
+        FADE,
+        learner.network.layers(),
+        outputs.collect(),
+    )
 }

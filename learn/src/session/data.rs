@@ -43,7 +43,11 @@ impl Survey {
     ///
     /// - Errors: too few runs, different robots, runs without poses or commands.
     pub fn of(request: &Request<'_>) -> Result<Survey, LearnError> {
-        let least = if request.locked.is_some() { LEAST_RUNS_APART } else { LEAST_RUNS };
+        let least = if request.locked.is_some() {
+            LEAST_RUNS_APART
+        } else {
+            LEAST_RUNS
+        };
         if request.runs.count() < least {
             return Err(LearnError::TooFewRuns {
                 found: request.runs.count(),
@@ -61,7 +65,11 @@ impl Survey {
             entries: Vec::new(),
             count: request.runs.count(),
         };
-        let owner = if request.model.is_some() { "the model" } else { &first.path };
+        let owner = if request.model.is_some() {
+            "the model"
+        } else {
+            &first.path
+        };
         for reference in request.references {
             survey.same_robot(&reference.path, &reference.bundle, owner)?;
         }
@@ -137,7 +145,11 @@ impl Survey {
         };
         let most = |cut: &crate::window::Cut| {
             // Short windows are cheap and there must be more of them.
-            if cut.horizon_s < TRAINING.horizon_s { 4 * MOST_WINDOWS } else { MOST_WINDOWS }
+            if cut.horizon_s < TRAINING.horizon_s {
+                4 * MOST_WINDOWS
+            } else {
+                MOST_WINDOWS
+            }
         };
         let new = |cut| Collection::new(cut, most(&cut));
         let mut windows = Windows {
@@ -158,7 +170,11 @@ impl Survey {
             };
             let mine: Vec<&mut Collection> = match role {
                 Role::Train => vec![&mut windows.training, &mut windows.black_box],
-                Role::Validation => vec![&mut windows.stopping, &mut windows.validation, &mut windows.validation_far],
+                Role::Validation => vec![
+                    &mut windows.stopping,
+                    &mut windows.validation,
+                    &mut windows.validation_far,
+                ],
                 _ => vec![&mut windows.locked],
             };
             for collection in mine {
@@ -225,7 +241,9 @@ fn lively(path: &str, bundle: &Bundle) -> Result<f64, LearnError> {
         missing,
     };
     if identify::anchor::Track::of(bundle).poses.is_empty() {
-        return Err(missing("no measured poses (pose_x_m, pose_y_m, pose_yaw_rad in one row)"));
+        return Err(missing(
+            "no measured poses (pose_x_m, pose_y_m, pose_yaw_rad in one row)",
+        ));
     }
     if !bundle.telemetry.channels.keys().any(|channel| channel.is_command()) {
         return Err(missing("no commands"));

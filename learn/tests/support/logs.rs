@@ -131,6 +131,12 @@ pub fn read(description: &RobotDescription, csv: &str, path: &str) -> Run {
 /// Runs that differ in how they were driven.
 pub fn runs(residual: Option<&ResidualDocument>, count: usize) -> Vec<Run> {
     (0..count)
-        .map(|number| run(residual, &Log::usual(0.37 + 1.13 * number as f64), &format!("run-{number}")))
+        .map(|number| {
+            run(
+                residual,
+                &Log::usual(0.37 + 1.13 * number as f64),
+                &format!("run-{number}"),
+            )
+        })
         .collect()
 }

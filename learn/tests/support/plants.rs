@@ -58,7 +58,14 @@ pub fn driven(chassis: &str, effect: &str, seconds: u32, references: usize, runs
     }
 }
 
-fn run(description: &RobotDescription, change: &Change, seed: u64, number: usize, seconds: u32, reference: bool) -> Run {
+fn run(
+    description: &RobotDescription,
+    change: &Change,
+    seed: u64,
+    number: usize,
+    seconds: u32,
+    reference: bool,
+) -> Run {
     let seed = 1000 * seed + 2 * number as u64 + u64::from(reference);
     let mut noise = Noise::new(seed, 5);
     let pose = Pose {

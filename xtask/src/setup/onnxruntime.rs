@@ -46,9 +46,10 @@ fn cache() -> Option<PathBuf> {
 
 fn library_in(folder: &Path) -> Option<PathBuf> {
     let names = fs::read_dir(folder).ok()?.flatten();
-    names
-        .map(|entry| entry.path())
-        .find(|path| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(STEM)))
+    names.map(|entry| entry.path()).find(|path| {
+        path.file_name()
+            .is_some_and(|name| name.to_string_lossy().starts_with(STEM))
+    })
 }
 
 /// The wheel by pip into a folder of our own, its digest checked, the library moved into the cache.
@@ -70,9 +71,30 @@ fn fetch(folder: &Path) -> Result<PathBuf> {
 
 fn unpack(python: &Path, work: &Path, folder: &Path) -> Result<PathBuf> {
     let mut pip = run::command(python);
-    pip.args(["-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--no-deps"]);
-    pip.args(["--only-binary=:all:", "--implementation", "cp", "--python-version", "3.11", "--abi", "cp311"]);
-    pip.args(["--platform", "manylinux_2_27_x86_64", "--platform", "manylinux_2_28_x86_64", "--dest"]);
+    pip.args([
+        "-m",
+        "pip",
+        "download",
+        "--quiet",
+        "--disable-pip-version-check",
+        "--no-deps",
+    ]);
+    pip.args([
+        "--only-binary=:all:",
+        "--implementation",
+        "cp",
+        "--python-version",
+        "3.11",
+        "--abi",
+        "cp311",
+    ]);
+    pip.args([
+        "--platform",
+        "manylinux_2_27_x86_64",
+        "--platform",
+        "manylinux_2_28_x86_64",
+        "--dest",
+    ]);
     run::read(pip.arg(work).arg(format!("onnxruntime=={VERSION}"))).context("pip download")?;
     let wheel = fs::read_dir(work)?
         .flatten()
