@@ -61,8 +61,14 @@ fn courses(report: &Report) {
         for round in &attempt.rounds {
             let course = &round.course;
             println!(
-                "    {} epochs, kept {}: train {:.3}, stop {:.3} -> {:.3}; driven {:.3}",
-                course.epochs, course.kept, course.train, course.validation_before, course.validation, round.validation
+                "    {} epochs, kept {}: train {:.3}, stop {:.3} -> {:.3}; step {}, driven {:.3}",
+                course.epochs,
+                course.kept,
+                course.train,
+                course.validation_before,
+                course.validation,
+                round.step,
+                round.validation
             );
         }
     }

@@ -12,7 +12,7 @@
 use twin::residual::OUTPUTS;
 use twin::robot::Robot;
 
-use crate::compare::{CLASSES, Class, Difference, differences};
+use crate::compare::{CLASSES, Difference, differences};
 use crate::inputs::{Eye, Watch};
 use crate::rollout::driven;
 use crate::window::Window;
@@ -41,7 +41,7 @@ pub enum Target {
     Twist,
 }
 
-/// Typical error of physics alone by [`Class`], in its unit; infinite for a class that nothing was measured of.
+/// Typical error of physics alone by [`crate::compare::Class`], in its unit; infinite for a class that nothing was measured of.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scales(pub [f64; CLASSES]);
 
@@ -90,18 +90,15 @@ impl Scales {
 
     /// Mean over windows of the mean square by class in units of the scales, robust: 1 or less for physics alone.
     pub fn loss(&self, windows: &[Vec<Difference>]) -> f64 {
-        let classes = self.0.iter().filter(|scale| scale.is_finite()).count().max(1) as f64;
-        let one = |differences: &Vec<Difference>| {
-            let weights = self.weights(differences);
-            let pairs = weights.iter().zip(differences);
-            pairs.map(|(w, d)| w * d.value * d.value).sum::<f64>()
-        };
-        windows.iter().map(one).sum::<f64>() / (classes * windows.len().max(1) as f64)
+        windows.iter().map(|window| self.loss_of(window)).sum::<f64>() / windows.len().max(1) as f64
     }
 
-    /// Whether poses were compared.
-    pub fn has(&self, class: Class) -> bool {
-        self.0[class as usize].is_finite()
+    /// The same of one window.
+    pub fn loss_of(&self, differences: &[Difference]) -> f64 {
+        let classes = self.0.iter().filter(|scale| scale.is_finite()).count().max(1) as f64;
+        let weights = self.weights(differences);
+        let pairs = weights.iter().zip(differences);
+        pairs.map(|(w, d)| w * d.value * d.value).sum::<f64>() / classes
     }
 }
 

@@ -121,6 +121,15 @@ impl Network {
         slope
     }
 
+    /// The weights a share of the way to another network of the same widths.
+    pub fn towards(&self, other: &Network, share: f64) -> Network {
+        let mut out = self.clone();
+        for (parameter, end) in out.parameters.iter_mut().zip(&other.parameters) {
+            *parameter += share * (end - *parameter);
+        }
+        out
+    }
+
     /// As the layers of a residual document.
     pub fn layers(&self) -> Vec<Layer> {
         let mut at = 0;

@@ -79,6 +79,8 @@ pub struct Attempt {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Round {
     pub course: Course,
+    /// Share of the training's step that was taken.
+    pub step: f64,
     /// Loss on the validation windows, driven.
     pub validation: f64,
 }
@@ -88,6 +90,8 @@ pub struct Round {
 pub struct Gate {
     pub physics: f64,
     pub residual: Option<f64>,
+    /// Mean over validation windows of ln(loss of physics alone / loss with the network), in its standard errors.
+    pub gain_sigmas: Option<f64>,
 }
 
 /// Largest differences between ONNX Runtime and our own evaluations.

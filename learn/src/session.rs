@@ -69,7 +69,7 @@ impl<'a> Request<'a> {
             model: None,
             target: Target::Path,
             sights: vec![Sight::Motion, Sight::Place],
-            rounds: 3,
+            rounds: 5,
             settings: Settings::default(),
         }
     }
@@ -107,6 +107,8 @@ const LEAST_TRAINING: usize = 8;
 const LEAST_OTHER: usize = 3;
 /// The network must beat physics alone on the validation runs by this share of the loss.
 const LEAST_GAIN: f64 = 0.03;
+/// By this many standard errors of the mean over windows.
+const LEAST_SIGMAS: f64 = 2.5;
 /// More inputs must be better by this share.
 const LEAST_FOR_MORE: f64 = 0.03;
 
@@ -150,6 +152,7 @@ pub fn learn(workers: &dyn Workers, request: &Request<'_>) -> Result<Outcome, Le
     let mut gate = Gate {
         physics: far(&robot)?,
         residual: None,
+        gain_sigmas: None,
     };
     let mut carried: Option<(usize, Learner, ResidualDocument, Robot)> = None;
     let mut verdict = "no network could be trained; the physical model stands as it is".to_owned();
@@ -158,8 +161,10 @@ pub fn learn(workers: &dyn Workers, request: &Request<'_>) -> Result<Outcome, Le
         let with = robot_of(&physics, Some(&document))?;
         let far_m = far(&with)?;
         gate.residual = Some(far_m);
+        let sigmas = context.gain_sigmas(&with)?;
+        gate.gain_sigmas = Some(sigmas);
         let physics_loss = attempts[number].physics;
-        if loss <= (1.0 - LEAST_GAIN) * physics_loss && far_m <= gate.physics {
+        if loss <= (1.0 - LEAST_GAIN) * physics_loss && far_m <= gate.physics && sigmas >= LEAST_SIGMAS {
             verdict = format!(
                 "on the validation runs the learned residual lowers the place error 2 s ahead from {:.4} m to {far_m:.4} m",
                 gate.physics
@@ -167,7 +172,7 @@ pub fn learn(workers: &dyn Workers, request: &Request<'_>) -> Result<Outcome, Le
             carried = Some((number, learner, document, with));
         } else {
             verdict = format!(
-                "discarded: on the validation runs the network does not beat physics alone (loss {loss:.3} against {physics_loss:.3}, place error 2 s ahead {far_m:.4} m against {:.4} m)",
+                "discarded: on the validation runs the network does not beat physics alone (loss {loss:.3} against {physics_loss:.3}, {sigmas:.1} standard errors, place error 2 s ahead {far_m:.4} m against {:.4} m)",
                 gate.physics
             );
         }

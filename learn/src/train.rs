@@ -29,12 +29,12 @@ pub struct Settings {
 impl Default for Settings {
     fn default() -> Settings {
         Settings {
-            hidden: vec![24, 24],
-            epochs: 150,
-            patience: 25,
+            hidden: vec![16, 16],
+            epochs: 120,
+            patience: 30,
             batch: 8,
-            rate: 3e-3,
-            decay: 1e-2,
+            rate: 2e-3,
+            decay: 0.1,
             rest: 3e-3,
             seed: 1,
         }

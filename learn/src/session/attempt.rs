@@ -19,6 +19,10 @@ use crate::window::Window;
 
 /// A further round must lower the loss by this share.
 const LEAST_STEP: f64 = 0.005;
+/// Rounds without that after which it ends.
+const MOST_FRUITLESS: usize = 2;
+/// Shares of a step that are tried.
+const STEPS: [f64; 5] = [1.0, 0.6, 0.35, 0.15, 0.0];
 /// Smallest scales of the outputs, m/s^2 and rad/s^2.
 const LEAST_SCALE: [f64; AXES] = [0.02, 0.02, 0.05];
 /// Windows of a hundred whose constant acceleration is below the scale of the outputs.
@@ -57,6 +61,7 @@ impl Context<'_> {
         let mut robot = self.robot.clone();
         let mut learner: Option<Learner> = None;
         let mut best: Option<Learner> = None;
+        let mut fruitless = 0;
         for number in 0..self.request.rounds {
             let share = share + 0.3 * number as f64 / self.request.rounds as f64;
             self.workers.progress("linearise", share);
@@ -76,22 +81,19 @@ impl Context<'_> {
             };
             attempt.inputs = now.frame.eyes.len();
             self.workers.progress("train", share + 0.1);
+            let before = now.network.clone();
             let course = train(&mut now, &problems, &stopping, &self.request.settings, &mut |_, _| {
                 !self.workers.is_cancelled()
             });
             if self.workers.is_cancelled() {
                 return Err(Cancelled.into());
             }
-            let document = document(&now, windows, self.robot);
-            robot = robot_of(self.physics, Some(&document))?;
-            let driven = self.compared(&robot, &windows.validation.windows, true)?;
-            let loss = if driven.len() == validation.len() {
-                path.loss(&driven)
-            } else {
-                f64::INFINITY
-            };
+            let step = self.search(&mut now, &before, &own, by_path)?;
+            robot = robot_of(self.physics, Some(&document(&now, windows, self.robot)))?;
+            let loss = self.loss(&robot, &windows.validation.windows, &path, true)?;
             attempt.rounds.push(Round {
                 course,
+                step,
                 validation: loss,
             });
             let better = loss < attempt.validation * (1.0 - LEAST_STEP);
@@ -99,12 +101,43 @@ impl Context<'_> {
                 attempt.validation = loss;
                 best = Some(now.clone());
             }
+            fruitless = if better { 0 } else { fruitless + 1 };
             learner = Some(now);
-            if !better {
+            if fruitless >= MOST_FRUITLESS || step == 0.0 {
                 break;
             }
         }
         Ok((attempt, best))
+    }
+
+    /// How far to go from the weights before: the share at which the twin, driven through the training windows, errs least.
+    ///
+    /// The contact is far from linear: what a small push hardly moves, a larger one makes slide.
+    fn search(&self, now: &mut Learner, before: &Network, scales: &Scales, by_path: bool) -> Result<f64, LearnError> {
+        let windows = self.windows;
+        let after = now.network.clone();
+        let mut best: Option<(f64, f64)> = None;
+        for step in STEPS {
+            now.network = before.towards(&after, step);
+            let robot = robot_of(self.physics, Some(&document(now, windows, self.robot)))?;
+            let loss = self.loss(&robot, &windows.training.windows, scales, by_path)?;
+            if best.is_none_or(|(_, least)| loss < least) {
+                best = Some((step, loss));
+            }
+        }
+        let step = best.map_or(0.0, |(step, _)| step);
+        now.network = before.towards(&after, step);
+        Ok(step)
+    }
+
+    /// Of the twin driven through windows; infinite when it cannot be driven through one.
+    fn loss(&self, robot: &Robot, windows: &[Window], scales: &Scales, poses: bool) -> Result<f64, Cancelled> {
+        let driven = self.compared(robot, windows, poses)?;
+        Ok(if driven.len() == windows.len() {
+            scales.loss(&driven)
+        } else {
+            f64::INFINITY
+        })
     }
 
     /// Frame, scales and a new network from the first linearisation.
@@ -145,6 +178,29 @@ impl Context<'_> {
             scale,
         };
         Ok((learner, narrowed(problems), narrowed(stopping)))
+    }
+
+    /// How surely a twin beats the physical model on the validation windows: mean of ln(loss / loss) over its standard error.
+    pub(super) fn gain_sigmas(&self, with: &Robot) -> Result<f64, Cancelled> {
+        let windows = &self.windows.validation.windows;
+        let (alone, with) = (
+            self.compared(self.robot, windows, true)?,
+            self.compared(with, windows, true)?,
+        );
+        if alone.len() != with.len() || alone.len() < 2 {
+            return Ok(0.0);
+        }
+        let scales = Scales::of(alone.iter().map(Vec::as_slice));
+        let pairs = alone.iter().zip(&with);
+        let ratios: Vec<f64> = pairs
+            .map(|(a, b)| {
+                libm::log(scales.loss_of(a).max(f64::MIN_POSITIVE) / scales.loss_of(b).max(f64::MIN_POSITIVE))
+            })
+            .collect();
+        let count = ratios.len() as f64;
+        let mean = ratios.iter().sum::<f64>() / count;
+        let spread = ratios.iter().map(|r| (r - mean) * (r - mean)).sum::<f64>() / (count - 1.0);
+        Ok(mean / (spread / count).sqrt().max(f64::MIN_POSITIVE))
     }
 
     fn compared(&self, robot: &Robot, windows: &[Window], poses: bool) -> Result<Vec<Vec<Difference>>, Cancelled> {

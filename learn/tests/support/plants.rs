@@ -22,11 +22,11 @@ pub struct Driven {
 
 fn hide(effect: &str, change: &mut Change, mass_kg: f64) {
     match effect {
-        "air_drag" => change.forces.air_n_s2_per_m2 = 2.4 * mass_kg,
-        "sideways_force" => change.forces.sideways_n_s_per_m = 2.4 * mass_kg,
+        "air_drag" => change.forces.air_n_s2_per_m2 = 1.6 * mass_kg,
+        "sideways_force" => change.forces.sideways_n_s_per_m = 1.0 * mass_kg,
         "force_hill" => {
             change.forces.hill = Some(Hill {
-                force_n: 1.2 * mass_kg,
+                force_n: 0.8 * mass_kg,
                 at_m: [0.2, -0.1],
                 width_m: 0.35,
             });
@@ -37,7 +37,7 @@ fn hide(effect: &str, change: &mut Change, mass_kg: f64) {
 
 /// Drives a plant; the same for ever.
 ///
-/// - `effect`: `air_drag`, `sideways_force` or `force_hill`, at the large end of the blind bench; or `none`.
+/// - `effect`: `air_drag`, `sideways_force` or `force_hill`, of sizes that the blind bench has; or `none`.
 pub fn driven(chassis: &str, effect: &str, seconds: u32, references: usize, runs: usize) -> Driven {
     let mut description = robot(chassis, false);
     description.floor_friction = POLISHED;
