@@ -163,6 +163,40 @@ pub fn figures(
     Ok((figures, runs.collect()))
 }
 
+/// Place errors below this are a tracker's and its anchor's, m.
+const TRACKER_M: f64 = 0.002;
+
+/// How surely one predictor's place 2 s ahead is nearer than another's: mean over windows of ln(e_a^2 + s^2) - ln(e_b^2 + s^2)
+/// over its standard error, s = 2 mm. Positive when `better` is.
+pub fn far_sigmas(
+    workers: &dyn Workers,
+    windows: &[Window],
+    physics: &dyn Predictor,
+    better: &dyn Predictor,
+) -> Result<f64, Cancelled> {
+    let ratios = gathered(workers, windows.len(), &|number| {
+        let window = &windows[number];
+        let size = |predictor: &dyn Predictor| {
+            let [forward, left, _] = pose_error(window, &predictor.path(window)?, HORIZONS_S[1])?;
+            Some(libm::log(forward * forward + left * left + TRACKER_M * TRACKER_M))
+        };
+        Some(size(physics)? - size(better)?)
+    })?;
+    Ok(sigmas(ratios.into_iter().flatten()))
+}
+
+/// A mean over its standard error; 0 for fewer than two values.
+pub fn sigmas(values: impl Iterator<Item = f64>) -> f64 {
+    let values: Vec<f64> = values.collect();
+    let count = values.len() as f64;
+    if count < 2.0 {
+        return 0.0;
+    }
+    let mean = values.iter().sum::<f64>() / count;
+    let spread = values.iter().map(|v| (v - mean) * (v - mean)).sum::<f64>() / (count - 1.0);
+    mean / (spread / count).sqrt().max(f64::MIN_POSITIVE)
+}
+
 /// RMS place error 2 s ahead of one predictor.
 pub fn far_position_m(workers: &dyn Workers, windows: &[Window], predictor: &dyn Predictor) -> Result<f64, Cancelled> {
     let rivals = Rivals {

@@ -90,8 +90,9 @@ pub struct Round {
 pub struct Gate {
     pub physics: f64,
     pub residual: Option<f64>,
-    /// Mean over validation windows of ln(loss of physics alone / loss with the network), in its standard errors.
-    pub gain_sigmas: Option<f64>,
+    /// Gain of the network over physics alone in standard errors of its mean over windows: of ln loss, and of ln squared
+    /// place error 2 s ahead.
+    pub gain_sigmas: Option<[f64; 2]>,
 }
 
 /// Largest differences between ONNX Runtime and our own evaluations.

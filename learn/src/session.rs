@@ -107,8 +107,8 @@ const LEAST_TRAINING: usize = 8;
 const LEAST_OTHER: usize = 3;
 /// The network must beat physics alone on the validation runs by this share of the loss.
 const LEAST_GAIN: f64 = 0.03;
-/// By this many standard errors of the mean over windows.
-const LEAST_SIGMAS: f64 = 2.5;
+/// By this many standard errors of the mean over windows: the loss, and the place 2 s ahead.
+const LEAST_SIGMAS: [f64; 2] = [2.5, 2.0];
 /// More inputs must be better by this share.
 const LEAST_FOR_MORE: f64 = 0.03;
 
@@ -164,7 +164,8 @@ pub fn learn(workers: &dyn Workers, request: &Request<'_>) -> Result<Outcome, Le
         let sigmas = context.gain_sigmas(&with)?;
         gate.gain_sigmas = Some(sigmas);
         let physics_loss = attempts[number].physics;
-        if loss <= (1.0 - LEAST_GAIN) * physics_loss && far_m <= gate.physics && sigmas >= LEAST_SIGMAS {
+        let sure = sigmas.iter().zip(LEAST_SIGMAS).all(|(found, least)| *found >= least);
+        if loss <= (1.0 - LEAST_GAIN) * physics_loss && far_m <= gate.physics && sure {
             verdict = format!(
                 "on the validation runs the learned residual lowers the place error 2 s ahead from {:.4} m to {far_m:.4} m",
                 gate.physics
@@ -172,8 +173,8 @@ pub fn learn(workers: &dyn Workers, request: &Request<'_>) -> Result<Outcome, Le
             carried = Some((number, learner, document, with));
         } else {
             verdict = format!(
-                "discarded: on the validation runs the network does not beat physics alone (loss {loss:.3} against {physics_loss:.3}, {sigmas:.1} standard errors, place error 2 s ahead {far_m:.4} m against {:.4} m)",
-                gate.physics
+                "discarded: on the validation runs the network does not beat physics alone (loss {loss:.3} against {physics_loss:.3}, {:.1} standard errors, place error 2 s ahead {far_m:.4} m against {:.4} m, {:.1} standard errors)",
+                sigmas[0], gate.physics, sigmas[1]
             );
         }
     }

@@ -8,6 +8,7 @@ use twin::robot::Robot;
 use super::data::Windows;
 use super::{Request, robot_of};
 use crate::compare::{Difference, differences};
+use crate::evaluate::{far_sigmas, sigmas};
 use crate::inputs::{Eye, FADE, Frame, Sight, eyes};
 use crate::linear::{AXES, Problem, Scales, Target, linearised};
 use crate::network::{Network, Pass};
@@ -87,6 +88,10 @@ impl Context<'_> {
             });
             if self.workers.is_cancelled() {
                 return Err(Cancelled.into());
+            }
+            if course.kept == 0 && number > 0 {
+                // Nothing left in the linear problems that holds on other runs.
+                break;
             }
             let step = self.search(&mut now, &before, &own, by_path)?;
             robot = robot_of(self.physics, Some(&document(&now, windows, self.robot)))?;
@@ -180,27 +185,26 @@ impl Context<'_> {
         Ok((learner, narrowed(problems), narrowed(stopping)))
     }
 
-    /// How surely a twin beats the physical model on the validation windows: mean of ln(loss / loss) over its standard error.
-    pub(super) fn gain_sigmas(&self, with: &Robot) -> Result<f64, Cancelled> {
+    /// How surely a twin beats the physical model on the validation windows, in standard errors over windows: the loss, and
+    /// the place 2 s ahead.
+    pub(super) fn gain_sigmas(&self, better: &Robot) -> Result<[f64; 2], Cancelled> {
         let windows = &self.windows.validation.windows;
         let (alone, with) = (
             self.compared(self.robot, windows, true)?,
-            self.compared(with, windows, true)?,
+            self.compared(better, windows, true)?,
         );
         if alone.len() != with.len() || alone.len() < 2 {
-            return Ok(0.0);
+            return Ok([0.0; 2]);
         }
         let scales = Scales::of(alone.iter().map(Vec::as_slice));
         let pairs = alone.iter().zip(&with);
-        let ratios: Vec<f64> = pairs
-            .map(|(a, b)| {
-                libm::log(scales.loss_of(a).max(f64::MIN_POSITIVE) / scales.loss_of(b).max(f64::MIN_POSITIVE))
-            })
-            .collect();
-        let count = ratios.len() as f64;
-        let mean = ratios.iter().sum::<f64>() / count;
-        let spread = ratios.iter().map(|r| (r - mean) * (r - mean)).sum::<f64>() / (count - 1.0);
-        Ok(mean / (spread / count).sqrt().max(f64::MIN_POSITIVE))
+        let ratio = |(alone, with): (&Vec<Difference>, &Vec<Difference>)| {
+            let size = |window: &[Difference]| libm::log(scales.loss_of(window).max(f64::MIN_POSITIVE));
+            size(alone) - size(with)
+        };
+        let loss = sigmas(pairs.map(ratio));
+        let far = far_sigmas(self.workers, &self.windows.validation_far.windows, self.robot, better)?;
+        Ok([loss, far])
     }
 
     fn compared(&self, robot: &Robot, windows: &[Window], poses: bool) -> Result<Vec<Vec<Difference>>, Cancelled> {
