@@ -15,7 +15,7 @@ use identify::diagnose::Run;
 use learn::inputs::Sight;
 use learn::linear::Target;
 use learn::report::Report;
-use learn::session::{Request, learn};
+use learn::session::{Request, Shelf, learn};
 
 use threads::Threads;
 
@@ -94,8 +94,26 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let Some((references, runs)) = case(&name, seconds, runs) else {
             continue;
         };
+        // Real robots: what can be named is named first, on runs that are not locked.
+        let (mut runs, mut locked, mut model) = (runs, Vec::new(), None);
+        if references.is_empty() {
+            locked = runs.split_off(runs.len() - runs.len() / 4);
+            let input = identify::diagnose::Input {
+                references: Vec::new(),
+                runs: runs.clone(),
+                locked: Vec::new(),
+                model: None,
+                seed: 1,
+            };
+            let found = identify::diagnose::diagnose(&Threads, &input)?;
+            let names: Vec<&str> = found.model.effects.iter().map(|effect| effect.name.as_str()).collect();
+            println!("{name}: {}; model: {}", found.report.sentence, names.join(", "));
+            model = Some(found.model);
+        }
         let mut request = Request::new(&runs);
         request.references = &references;
+        request.locked = (!locked.is_empty()).then_some(&locked as &dyn Shelf);
+        request.model = model;
         request.target = target;
         if motion {
             request.sights = vec![Sight::Motion];

@@ -22,8 +22,8 @@ pub struct Pass {
 }
 
 impl Network {
-    /// Weights uniform in +-sqrt(6 / (inputs + outputs)) of their layer (Glorot, Bengio 2010), those of the last layer a
-    /// tenth of it, biases 0.
+    /// Weights uniform in +-sqrt(6 / (inputs + outputs)) of their layer (Glorot, Bengio 2010); those of the last layer and
+    /// biases 0, so that it begins with nothing.
     ///
     /// - `sizes`: inputs first, outputs last; at least two, none zero.
     pub fn new(sizes: &[usize], seed: u64) -> Network {
@@ -32,7 +32,7 @@ impl Network {
         for (position, pair) in sizes.windows(2).enumerate() {
             let (width, units) = (pair[0], pair[1]);
             let last = position + 2 == sizes.len();
-            let reach = (6.0 / (width + units) as f64).sqrt() * if last { 0.1 } else { 1.0 };
+            let reach = (6.0 / (width + units) as f64).sqrt() * if last { 0.0 } else { 1.0 };
             parameters.extend((0..width * units).map(|_| reach * (2.0 * uniform(&mut random) - 1.0)));
             parameters.extend(core::iter::repeat_n(0.0, units));
         }
