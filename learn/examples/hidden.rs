@@ -43,7 +43,7 @@ fn case(name: &str, seconds: u32, runs: usize) -> Option<(Vec<Run>, Vec<Run>)> {
             }
             (none, all)
         }
-        "mrclam" => (none, real_logs::mrclam::runs(1, 100.0, 60.0, 12)?),
+        "mrclam" => (none, real_logs::mrclam::runs(1, 100.0, 60.0, 8)?),
         plant => {
             let (chassis, effect) = plant.split_once(':')?;
             let driven = plants::driven(chassis, effect, seconds, 3, runs);

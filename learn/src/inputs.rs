@@ -170,7 +170,7 @@ impl Frame {
             let mean = column().sum::<f64>() / count;
             let scale = (column().map(|v| (v - mean) * (v - mean)).sum::<f64>() / count).sqrt();
             let least = LEAST_VARIATION.iter().find(|(unit, _)| *unit == eye.unit);
-            if !(scale > least.map_or(LEAST_OTHER, |(_, least)| *least)) {
+            if scale.is_nan() || scale <= least.map_or(LEAST_OTHER, |(_, least)| *least) {
                 continue;
             }
             let low = column().fold(f64::INFINITY, f64::min);

@@ -186,17 +186,13 @@ mod tests {
         let mut gradient = vec![0.0; network.parameters().len()];
         let of_inputs = network.backward(&pass, &of_outputs, &mut gradient);
         let step = 1e-5;
-        for k in 0..gradient.len() {
+        for (k, expected) in gradient.iter().enumerate() {
             let mut moved = network.clone();
             moved.parameters_mut()[k] += step;
             let above = loss(&moved, &inputs);
             moved.parameters_mut()[k] -= 2.0 * step;
             let difference = (above - loss(&moved, &inputs)) / (2.0 * step);
-            assert!(
-                (difference - gradient[k]).abs() < 1e-8,
-                "{k}: {difference} {}",
-                gradient[k]
-            );
+            assert!((difference - expected).abs() < 1e-8, "{k}: {difference} {}", expected);
         }
         for k in 0..inputs.len() {
             let (mut up, mut down) = (inputs, inputs);

@@ -409,7 +409,7 @@ fn check(path: &str, window: &Window) -> Result<(), LearnError> {
         start.pose.x_m.abs().max(start.pose.y_m.abs()),
     ];
     for ((quantity, limit), value) in LARGEST.into_iter().zip(sizes) {
-        if !(value <= limit) {
+        if value.is_nan() || value > limit {
             return Err(LearnError::Absurd {
                 path: path.to_owned(),
                 quantity,
