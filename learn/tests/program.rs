@@ -75,7 +75,34 @@ fn train_writes_a_model_an_onnx_file_and_a_report_that_agree() {
         assert_eq!(checked.status.code(), Some(2));
         assert!(String::from_utf8_lossy(&checked.stderr).contains("ORT_DYLIB_PATH"));
     }
+    predicts_in_python(&out, &runs[0]);
     std::fs::remove_dir_all(&folder).unwrap();
+}
+
+/// `examples/learn/predict.py` comes nearer to the log with the network than without it, in the mean over starts.
+fn predicts_in_python(out: &str, run: &str) {
+    let python = std::env::var("ROBOPHEUS_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let has = Command::new(&python).args(["-c", "import numpy, onnxruntime"]).output();
+    if !has.is_ok_and(|has| has.status.success()) {
+        println!("skipped: {python} has no onnxruntime; ROBOPHEUS_PYTHON names one that has");
+        return;
+    }
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/../examples/learn/predict.py");
+    let mut sums = [0.0; 2];
+    for start_s in ["4", "8", "12", "16"] {
+        let said = Command::new(&python)
+            .args([script, out, run, start_s])
+            .output()
+            .unwrap();
+        let text = String::from_utf8_lossy(&said.stdout).into_owned();
+        assert!(said.status.success(), "{}", String::from_utf8_lossy(&said.stderr));
+        let last = text.lines().last().unwrap();
+        let numbers: Vec<f64> = last.split(' ').filter_map(|word| word.parse().ok()).collect();
+        assert_eq!(numbers.len(), 3, "{last}");
+        sums[0] += numbers[1];
+        sums[1] += numbers[2];
+    }
+    assert!(sums[1] < sums[0], "{sums:?}");
 }
 
 #[test]
