@@ -163,8 +163,8 @@ pub fn figures(
     Ok((figures, runs.collect()))
 }
 
-/// Place errors below this are a tracker's and its anchor's, m.
-const TRACKER_M: f64 = 0.002;
+/// Place errors, and gains, below this are a tracker's and its anchor's, m.
+pub const TRACKER_M: f64 = 0.002;
 
 /// How surely one predictor's place 2 s ahead is nearer than another's: mean over windows of ln(e_a^2 + s^2) - ln(e_b^2 + s^2)
 /// over its standard error, s = 2 mm. Positive when `better` is.
