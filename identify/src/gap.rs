@@ -165,8 +165,8 @@ pub fn end_to_end_with(bundle: &Bundle, robot: &Robot, clock: RobotClock) -> Res
     Ok(gap)
 }
 
-/// Command rows at the time they take effect; measured wheel speeds at the rate of the control where there are no set-points.
-fn delayed_rows(bundle: &Bundle) -> Vec<CommandRow> {
+/// What drives the twin: command rows at the time they take effect; measured wheel speeds at the rate of the control where there are no set-points.
+pub fn delayed_rows(bundle: &Bundle) -> Vec<CommandRow> {
     let mut rows = bundle.command_rows();
     for row in &mut rows {
         row.time_s += bundle.run.command_delay_s;

@@ -94,6 +94,19 @@ impl FreeRobot {
         }
     }
 
+    /// Accelerations of the centre of mass from now on besides all others, `[m/s^2, m/s^2, rad/s^2]` in the body frame.
+    ///
+    /// - `robot`: the one it was made from.
+    pub fn push(&mut self, robot: &Robot, accelerations: [f64; 3]) {
+        let runtime = self.runtime.get_or_insert_with(|| robot.plain_runtime());
+        let (mass_kg, inertia) = (self.model.mass_kg, self.model.yaw_inertia_kg_m2);
+        runtime.push.force = [
+            mass_kg * accelerations[0],
+            mass_kg * accelerations[1],
+            inertia * accelerations[2],
+        ];
+    }
+
     /// Integrates every 480 Hz sample of the speed loops in `refinement` equal steps (1 in the world). For convergence tests.
     pub fn with_refinement(mut self, refinement: u32) -> FreeRobot {
         self.refinement = refinement.max(1);

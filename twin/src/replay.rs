@@ -9,7 +9,7 @@ use crate::free::{FreeRobot, RobotState, Start};
 use crate::pose::Pose;
 use crate::robot::Robot;
 use crate::twist::BodyTwist;
-use crate::{MAX_WHEELS, PHYSICS_RATE_HZ};
+use crate::{MAX_WHEELS, PHYSICS_RATE_HZ, SUBSTEPS};
 
 /// Time stamps are text with microseconds: a command counts at a sampling instant it misses by this much, s.
 const STAMP_TOLERANCE_S: f64 = 1e-5;
@@ -115,6 +115,33 @@ pub fn replay_after(
     earlier: &[CommandRow],
     rows: &[CommandRow],
 ) -> Result<Vec<ReplayRow>, ReplayError> {
+    replay_pushed(robot, start, held, earlier, rows, &mut |_| None)
+}
+
+/// What is known at the start of a control tick of a replay, before it is taken.
+#[derive(Debug, Clone, Copy)]
+pub struct Tick {
+    /// Control ticks since the start.
+    pub number: u64,
+    /// As the sensors' models report it.
+    pub state: RobotState,
+    /// Set-points of the tick, as sent.
+    pub command: WheelCommand,
+}
+
+/// The same with further accelerations on the body, as if the learned residual gave them besides its own.
+///
+/// - `push`: called at the start of every control tick; accelerations of the centre of mass, `[m/s^2, m/s^2, rad/s^2]` in
+///   the body frame, held for the tick; `None` keeps the ones before (none at the start).
+/// - Errors: as [`replay_from`].
+pub fn replay_pushed(
+    robot: &Robot,
+    start: &Start,
+    held: HeldCommand,
+    earlier: &[CommandRow],
+    rows: &[CommandRow],
+    push: &mut dyn FnMut(&Tick) -> Option<[f64; 3]>,
+) -> Result<Vec<ReplayRow>, ReplayError> {
     check_rows(earlier)?;
     check_rows(rows)?;
     let Some(first) = rows.first() else {
@@ -134,6 +161,16 @@ pub fn replay_after(
             while next < rows.len() && rows[next].time_s - first.time_s <= now_s + STAMP_TOLERANCE_S {
                 held.apply(robot, &rows[next]);
                 next += 1;
+            }
+            if free.steps().is_multiple_of(u64::from(SUBSTEPS)) {
+                let tick = Tick {
+                    number: free.steps() / u64::from(SUBSTEPS),
+                    state: free.state(),
+                    command: held.command(),
+                };
+                if let Some(accelerations) = push(&tick) {
+                    free.push(robot, accelerations);
+                }
             }
             free.step(&held.command());
             history.push(free.state());

@@ -280,8 +280,13 @@ impl Robot {
         if self.dynamics.is_none() && drives.is_none() {
             return None;
         }
+        Some(self.plain_runtime())
+    }
+
+    /// One for a robot that has no effects of its own.
+    pub(crate) fn plain_runtime(&self) -> Runtime {
         let dynamics = self.dynamics.clone().unwrap_or_default();
-        Some(Runtime::new(dynamics, drives, &self.nominal, &self.model))
+        Runtime::new(dynamics, self.drives(), &self.nominal, &self.model)
     }
 
     fn drives(&self) -> Option<Drives> {

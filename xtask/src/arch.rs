@@ -24,6 +24,7 @@ const EDGES: &[(&str, &[&str])] = &[
     ("emulator", &["api", "robot"]),
     ("identify", &["twin"]),
     ("lab", &["api", "control", "localise", "robot", "twin"]),
+    ("learn", &["bundles", "identify", "twin"]),
     ("localise", &[]),
     ("robot", &[]),
     ("scheduler", &["api", "bundles", "control", "identify", "store", "twin"]),
@@ -42,6 +43,8 @@ const TEST_EDGES: &[(&str, &[&str])] = &[
     ("control", &["api"]),
     // The emulated plant against the nominal twin.
     ("identify", &["api", "emulator", "robot"]),
+    // Hidden plants.
+    ("learn", &["blind", "emulator"]),
     ("system-tests", &["control", "robot"]),
     // The twin's motor control against the firmware's, bit for bit.
     ("twin", &["robot"]),
@@ -53,7 +56,7 @@ const OWNERS: &[(&str, &[&str])] = &[
     ("eframe", &["web-ui"]),
     ("egui", &["web-ui"]),
     ("egui_plot", &["web-ui"]),
-    ("ort", &["client", "lab", "scheduler"]),
+    ("ort", &["client", "lab", "learn", "scheduler"]),
     ("rapier2d-f64", &["twin"]),
     ("sqlx", &["store"]),
     ("wasm-bindgen", &["sim-wasm", "web-ui"]),

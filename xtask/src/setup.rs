@@ -2,6 +2,7 @@
 
 mod apt;
 mod browser;
+mod onnxruntime;
 mod postgres;
 mod python;
 mod wasm_target;
@@ -11,6 +12,7 @@ use std::path::PathBuf;
 use anyhow::Result;
 
 pub use browser::Browser;
+pub use onnxruntime::find as onnx_runtime;
 pub use postgres::PostgresBinaries;
 pub use wasm_target::WasmToolchain;
 

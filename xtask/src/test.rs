@@ -7,7 +7,7 @@ use anyhow::{Context, Result, bail};
 use clap::Args;
 
 use crate::cluster::DisposableServer;
-use crate::setup::{Found, Needs, set_up};
+use crate::setup::{Found, Needs, onnx_runtime, set_up};
 use crate::stages::Stages;
 use crate::{End, builds, bundle, check, paths, run};
 
@@ -42,7 +42,7 @@ pub fn test(arguments: &TestArguments) -> Result<End> {
     let bundled = stages.run("wasm", || build_bundles(&found));
     stages.run("clippy", check::clippy);
     stages.run_if(built, "the build failed", "tests", || {
-        with_database(&found, |url| package_tests(url, &[]))
+        with_database(&found, |url| package_tests(url, &onnx_variable()))
     });
     stages.run_if(built, "the build failed", "doc-tests", || {
         run::succeed(&mut run::cargo(["test", "--quiet", "--locked", "--doc"]))
@@ -115,6 +115,12 @@ pub fn package_tests(database_url: &str, variables: &[(&str, String)]) -> Result
     };
     command.envs(variables.iter().map(|(name, value)| (name, value)));
     run::succeed(command.env("TEST_DATABASE_URL", database_url))
+}
+
+/// Where the tests of exported networks find ONNX Runtime; without it they skip with a line.
+fn onnx_variable() -> Vec<(&'static str, String)> {
+    let library = onnx_runtime().map(|path| path.display().to_string());
+    library.map(|path| ("ORT_DYLIB_PATH", path)).into_iter().collect()
 }
 
 fn browser_side_tests() -> Result<()> {

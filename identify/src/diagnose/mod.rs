@@ -1,11 +1,14 @@
 //! From runs to a report and a model version.
 
 mod assemble;
+mod calibrate;
 mod exchange;
 mod excited;
 mod gap_table;
 mod next;
 mod prepared;
+
+pub use calibrate::calibrated;
 
 use twin::model_document::ModelDocument;
 
