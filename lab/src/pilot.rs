@@ -3,7 +3,7 @@
 
 use crate::commander::{Sent, Still};
 use crate::delay::DelayMeter;
-use crate::ear::STATUS_LATCHED;
+use crate::ear::{STATUS_LATCHED, STATUS_STOPPED};
 use crate::estimator::{Belief, PoseSample, PoseTrack};
 use crate::pose_frame::PoseFrame;
 use crate::record::{Command, Intervention, Log, LogLevel, Picture, Pose, Record, SafetyKind, Telemetry};
@@ -383,7 +383,7 @@ impl PilotRobot {
         RobotHealth {
             telemetry_age_us: now_us - self.telemetry.arrival_us,
             pose_age_us: self.track.newest().map_or(i64::MAX, |pose| now_us - pose.exposure_us),
-            latched: self.telemetry.status & STATUS_LATCHED != 0,
+            deaf: self.telemetry.status & (STATUS_LATCHED | STATUS_STOPPED) == STATUS_LATCHED,
         }
     }
 

@@ -24,8 +24,9 @@ pub struct RobotHealth {
     pub telemetry_age_us: i64,
     /// Age of the newest believed pose.
     pub pose_age_us: i64,
-    /// It says that it has latched itself off: it heard nothing for so long, and no set-point moves it any more.
-    pub latched: bool,
+    /// It says that it has latched itself off without a stop: it heard nothing for so long, and no set-point moves it any more. A robot
+    /// that stopped for a reason of its own tells that as a finding.
+    pub deaf: bool,
 }
 
 /// What the state machine looks at.
@@ -125,7 +126,7 @@ fn find_ending(inputs: &Inputs) -> Option<Ending> {
             .iter()
             .position(|robot| robot.telemetry_age_us > ROBOT_SILENT_US)
     };
-    let deaf = || inputs.robots.iter().position(|robot| robot.latched);
+    let deaf = || inputs.robots.iter().position(|robot| robot.deaf);
     let lost = || inputs.robots.iter().position(|robot| robot.pose_age_us > POSE_FAIL_US);
     let unfit = |consequence| {
         let found = signals.robot_finding;
@@ -273,7 +274,7 @@ mod tests {
     const FINE: [RobotHealth; 2] = [RobotHealth {
         telemetry_age_us: 9_000,
         pose_age_us: 12_000,
-        latched: false,
+        deaf: false,
     }; 2];
     const QUIET: Signals = Signals {
         protective_stop: false,
@@ -337,7 +338,7 @@ mod tests {
     #[test]
     fn a_robot_that_switched_itself_off_ends_the_run() {
         let mut robots = FINE;
-        robots[1].latched = true;
+        robots[1].deaf = true;
         let mut safety = Safety::default();
         assert_eq!(safety.tick(&inputs(&robots)), Permission::Ended(Ending::RobotDeaf(1)));
         let (state, fault) = Ending::RobotDeaf(1).report(&["omni-01".into(), "omni-02".into()]);
