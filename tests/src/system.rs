@@ -80,7 +80,10 @@ impl System {
             if let Some(status) = self.up.try_wait()? {
                 bail!("`up` ended with {status}:\n{}", self.log("up.log"));
             }
-            if let Ok(file) = self.up_file() {
+            // The file is written when the service is up and again when everything is; the laboratory may register in between.
+            if let Ok(file) = self.up_file()
+                && (!with_lab || file.pids.keys().any(|name| name.contains("lab")))
+            {
                 let address = file
                     .server
                     .trim_start_matches("http://")
