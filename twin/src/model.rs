@@ -202,7 +202,6 @@ impl Model {
 
     /// The tyre that effects change; nominal when there was none.
     pub(crate) fn tyre_mut(&mut self) -> &mut Tyre {
-        self.contact_varies = true;
         self.tyre.get_or_insert(Tyre::NOMINAL)
     }
 

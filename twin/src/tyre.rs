@@ -1,84 +1,176 @@
-//! Contact of a wheel whose tyre differs from the nominal one.
+//! Contact of wheels whose tyres differ from the nominal ones.
 
-use crate::{MAX_WHEELS, SLIP_SCALE_M_PER_S};
+use wide::f64x4;
 
-/// Newton steps for the slip at the contact; each doubles the digits, starting below the solution of a concave function.
-const SLIP_STEPS: u32 = 8;
-/// Square of the smallest scaled slip.
+use crate::SLIP_SCALE_M_PER_S;
+use crate::lanes::{Real, most};
+use crate::math;
+
+/// Bound on the Newton steps for the slip at the contact; each doubles the digits.
+const MOST_STEPS: u32 = 10;
+/// A slip that moved less than this is taken, with the force of its tangent, m/s.
+const SETTLED_M_PER_S: f64 = 1e-8;
+/// Square of the smallest scaled slip, so that tanh(q)/q needs no case.
 const TINY: f64 = 1e-30;
+const PER_SCALE_S_PER_M: f64 = 1.0 / SLIP_SCALE_M_PER_S;
 
 /// Two deviations from F = mu N tanh(|s| / s0) s / |s|:
 ///
 /// longitudinal: s_l = s_c + ratio |R W| F_l / (mu N), where s_c is the slip that the law above takes;
 /// side direction: mu replaced by its own value, F_t times side_scale.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Tyre {
     pub(crate) slip_ratio: f64,
     /// Side friction over the floor's.
     pub(crate) side_scale: f64,
-    /// |R W| at the start of the step.
-    pub(crate) rolling_m_per_s: [f64; MAX_WHEELS],
 }
 
 /// Force over mu N in both directions, and its slopes over the slip, s/m.
+#[derive(Debug, Clone, Copy)]
 pub(crate) struct Grip {
-    pub(crate) along: f64,
-    pub(crate) across: f64,
-    pub(crate) slope_along: f64,
-    pub(crate) slope_across: f64,
+    pub(crate) along: f64x4,
+    pub(crate) across: f64x4,
+    pub(crate) d_ll: f64x4,
+    pub(crate) d_lt: f64x4,
+    pub(crate) d_tt: f64x4,
 }
 
 impl Tyre {
     pub(crate) const NOMINAL: Tyre = Tyre {
         slip_ratio: 0.0,
         side_scale: 1.0,
-        rolling_m_per_s: [0.0; MAX_WHEELS],
     };
 
-    /// Grip of a lane at a slip, m/s.
-    pub(crate) fn grip(&self, lane: usize, along: f64, across: f64) -> Grip {
-        let extra = self.slip_ratio * self.rolling_m_per_s[lane];
+    /// Grip of all wheels at their slips, m/s, rolling at |R W|, m/s.
+    ///
+    /// The slopes are those at constant rolling, and d_lt is that of the force along: with a side friction of its own the
+    /// two cross slopes differ by its factor.
+    #[inline(never)]
+    pub(crate) fn grip(&self, along: f64x4, across: f64x4, rolling_m_per_s: f64x4) -> Grip {
+        let one = f64x4::splat(1.0);
+        let extra = f64x4::splat(self.slip_ratio) * rolling_m_per_s;
         let size = along.abs();
-        // Two lower bounds: the force is at most mu N, and at most mu N s_c / s0.
-        let mut contact = (size - extra).max(size / (1.0 + extra / SLIP_SCALE_M_PER_S));
-        let mut law = Law::at(contact, across);
-        if extra > 0.0 {
-            for _ in 0..SLIP_STEPS {
-                contact -= (contact + extra * law.along - size) / (1.0 + extra * law.slope_along);
+        let (mut law, mut short) = (Law::at(size, across), f64x4::ZERO);
+        if self.slip_ratio > 0.0 {
+            // A force over mu N of x / (1 + x), x = s_c / s0, as the first guess, but no less than two lower bounds: the force is
+            // at most mu N, and at most mu N x.
+            let (scale, half) = (f64x4::splat(SLIP_SCALE_M_PER_S), f64x4::splat(0.5));
+            let b = (size - extra) - scale;
+            let rational = half * (b + (b * b + f64x4::splat(4.0) * (scale * size)).sqrt());
+            let least = (size - extra).greater(size * (scale / (scale + extra)));
+            let mut contact = rational.greater(least);
+            for _ in 0..MOST_STEPS {
                 law = Law::at(contact, across);
+                short = ((size - contact) - extra * law.along) / (one + extra * law.d_ll);
+                // The force is concave: a step from above its slip may go too far, never below the bounds.
+                let next = (contact + short).greater(least);
+                short = next - contact;
+                if most(short.abs()) < SETTLED_M_PER_S {
+                    break;
+                }
+                contact = next;
             }
         }
+        let through = one / (one + extra * law.d_ll);
+        let side = f64x4::splat(self.side_scale);
         Grip {
-            along: law.along.copysign(along),
-            across: self.side_scale * law.across,
-            slope_along: law.slope_along / (1.0 + extra * law.slope_along),
-            slope_across: self.side_scale * law.secant,
+            along: (law.along + law.d_ll * short).signed_like(along),
+            across: side * (law.across + law.d_lt * short),
+            d_ll: law.d_ll * through,
+            d_lt: (law.d_lt * through) * one.signed_like(along),
+            d_tt: side * (law.d_tt - law.d_lt * (law.d_lt * (extra * through))),
         }
     }
 }
 
-/// tanh(|s| / s0) s / |s|.
+/// tanh(|s| / s0) s / |s| and its slopes, s/m.
 struct Law {
-    along: f64,
-    across: f64,
-    slope_along: f64,
-    secant: f64,
+    along: f64x4,
+    across: f64x4,
+    d_ll: f64x4,
+    d_lt: f64x4,
+    d_tt: f64x4,
 }
 
 impl Law {
-    fn at(along_m_per_s: f64, across_m_per_s: f64) -> Law {
-        const PER_SCALE: f64 = 1.0 / SLIP_SCALE_M_PER_S;
-        let (ql, qt) = (PER_SCALE * along_m_per_s, PER_SCALE * across_m_per_s);
-        let q2 = ql * ql + qt * qt + TINY;
+    #[inline(always)]
+    fn at(along_m_per_s: f64x4, across_m_per_s: f64x4) -> Law {
+        let (one, per_scale) = (f64x4::splat(1.0), f64x4::splat(PER_SCALE_S_PER_M));
+        let (ql, qt) = (per_scale * along_m_per_s, per_scale * across_m_per_s);
+        let q2 = (ql * ql + qt * qt) + f64x4::splat(TINY);
         let q = q2.sqrt();
-        let tanh = crate::math::tanh(q);
+        let tanh = math::tanh_of(q);
         let secant = tanh / q;
-        let bend = ((1.0 - tanh * tanh) - secant) / q2;
+        let bend = ((one - tanh * tanh) - secant) / q2;
         Law {
             along: secant * ql,
             across: secant * qt,
-            slope_along: PER_SCALE * (secant + bend * ql * ql),
-            secant: PER_SCALE * secant,
+            d_ll: per_scale * (secant + bend * (ql * ql)),
+            d_lt: per_scale * (bend * (ql * qt)),
+            d_tt: per_scale * (secant + bend * (qt * qt)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn grip(tyre: &Tyre, along: f64, across: f64, rolling: f64) -> [f64; 5] {
+        let four = f64x4::splat;
+        let grip = tyre.grip(four(along), four(across), four(rolling));
+        [grip.along, grip.across, grip.d_ll, grip.d_lt, grip.d_tt].map(|lanes| lanes.to_array()[0])
+    }
+
+    /// The force of the law at a slip of the contact, by libm.
+    fn nominal(along: f64, across: f64) -> [f64; 2] {
+        let size = libm::hypot(along, across).max(1e-300);
+        let force = libm::tanh(size / SLIP_SCALE_M_PER_S);
+        [force * along / size, force * across / size]
+    }
+
+    #[test]
+    fn the_slip_is_that_of_the_contact_and_the_ratios_part() {
+        for ratio in [0.0, 0.005, 0.05, 0.3] {
+            let tyre = Tyre {
+                slip_ratio: ratio,
+                side_scale: 0.7,
+            };
+            for rolling in [0.0, 0.02, 0.5, 3.0] {
+                for contact in [0.0, 1e-9, 1e-4, 0.003, 0.02, 0.1, 2.0] {
+                    for across in [0.0, 1e-5, -0.01, 0.3] {
+                        let [along_force, across_force] = nominal(contact, across);
+                        let slip = contact + ratio * rolling * along_force;
+                        let [along, side, ..] = grip(&tyre, -slip, across, rolling);
+                        let expected = [-along_force, 0.7 * across_force];
+                        let off = (along - expected[0]).abs().max((side - expected[1]).abs());
+                        assert!(off < 1e-10, "{ratio} {rolling} {contact} {across}: {off:e}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn slopes_are_those_of_the_forces() {
+        let tyre = Tyre {
+            slip_ratio: 0.06,
+            side_scale: 1.0,
+        };
+        for (along, across) in [(0.004, 0.0), (0.03, 0.01), (-0.05, 0.02), (0.2, -0.1), (-0.01, -0.03)] {
+            let at = |l: f64, t: f64| grip(&tyre, l, t, 0.8);
+            let [.., d_ll, d_lt, d_tt] = at(along, across);
+            let h = 1e-6;
+            let by =
+                |j: usize, l: f64, t: f64| (at(along + l, across + t)[j] - at(along - l, across - t)[j]) / (2.0 * h);
+            for (slope, measured) in [
+                (d_ll, by(0, h, 0.0)),
+                (d_lt, by(0, 0.0, h)),
+                (d_lt, by(1, h, 0.0)),
+                (d_tt, by(1, 0.0, h)),
+            ] {
+                assert!((slope - measured).abs() < 1e-3, "{along} {across}: {slope} {measured}");
+            }
         }
     }
 }

@@ -110,10 +110,7 @@ impl Dynamics {
             dynamics.words += residual.words();
             dynamics.residual = Some((residual, at));
         }
-        let anything = !dynamics.commands.is_empty()
-            || !dynamics.laws.is_empty()
-            || dynamics.residual.is_some()
-            || model.tyre.is_some();
+        let anything = !dynamics.commands.is_empty() || !dynamics.laws.is_empty() || dynamics.residual.is_some();
         anything.then_some(dynamics)
     }
 
@@ -337,11 +334,6 @@ impl Runtime {
         live.wheel_steering = base.wheel_steering;
         live.body_force = self.push.force;
         live.gravity_m_per_s2 = self.push.m_per_s2;
-        if let Some(tyre) = &mut live.tyre {
-            for lane in 0..live.lanes {
-                tyre.rolling_m_per_s[lane] = (base.radius_m[lane] * state.wheel[lane]).abs();
-            }
-        }
         self.set_supply(state);
         let laws = core::mem::take(&mut self.dynamics.laws);
         for (law, at) in &laws {

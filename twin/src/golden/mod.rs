@@ -27,23 +27,23 @@ pub struct Golden {
 pub const TABLE: [Golden; 5] = [
     Golden {
         name: "omni4-alone",
-        digest: "7fbf7458b9b1c8a04e068be1ed283056",
+        digest: "3c0f73947368478c83db92eb273f09d4",
     },
     Golden {
         name: "diff2-alone",
-        digest: "e5e3a3c72fd79afe577625acf3d8f902",
+        digest: "e167b617fd6268f845d2666210ebe7d2",
     },
     Golden {
         name: "awd-slippery",
-        digest: "3d61d79fa575b52e4bff5e6c61e374a3",
+        digest: "9e50b8731c2f84b3fa4cb93a11044136",
     },
     Golden {
         name: "head-on",
-        digest: "ee9f82f84eec81613a105561b9d6ba03",
+        digest: "3b8070eed5cfdbfecfd18f50ab47d02a",
     },
     Golden {
         name: "pile-up",
-        digest: "472b709fee3c8237e3c695f8c840a81b",
+        digest: "964068503d12f56889fcb39777fc1f22",
     },
 ];
 

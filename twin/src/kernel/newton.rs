@@ -155,7 +155,7 @@ impl<'a> Newton<'a> {
         let (m, g) = (self.model, &self.geometry);
         let contact = match &m.tyre {
             None => self.contact(y, tangent),
-            Some(tyre) => self.tyre_contact(tyre, y),
+            Some(tyre) => self.tyre_contact(tyre, y, tangent),
         };
         let (torque, torque_slope) = self.drive(&y.wheel);
         let (mut gain, mut residual, mut alpha, mut beta, mut delta, mut shift) =
@@ -243,27 +243,36 @@ impl<'a> Newton<'a> {
         out
     }
 
-    /// The same with a tyre of its own in each direction. The slopes stay symmetric: they steer the iteration only.
+    /// The same with a tyre of its own in each direction.
     #[inline(never)]
-    fn tyre_contact(&self, tyre: &Tyre, y: &Stage) -> Contacts {
+    fn tyre_contact(&self, tyre: &Tyre, y: &Stage, tangent: &[f64; N]) -> Contacts {
         let (m, g) = (self.model, &self.geometry);
         let [u, v, r] = y.z;
+        let (mut along, mut across, mut rolling) = ([0.0; N], [0.0; N], [0.0; N]);
+        for i in 0..N {
+            let rim = m.radius_m[i] * y.wheel[i];
+            along[i] = rim - (g.cos[i] * u + g.sin[i] * v + g.arm_along_m[i] * r);
+            across[i] = -m.lateral[i] * (g.cos[i] * v - g.sin[i] * u + g.arm_across_m[i] * r);
+            rolling[i] = rim.abs();
+        }
+        let grip = tyre.grip(f64x4::new(along), f64x4::new(across), f64x4::new(rolling));
+        let limit_n = f64x4::splat(SLIP_SCALE_M_PER_S) * f64x4::new(self.grip);
         let mut out = Contacts {
-            force_l: [0.0; N],
-            force_t: [0.0; N],
-            d_ll: [0.0; N],
-            d_lt: [0.0; N],
-            d_tt: [0.0; N],
+            force_l: (limit_n * grip.along).to_array(),
+            force_t: (limit_n * grip.across).to_array(),
+            d_ll: (limit_n * grip.d_ll).to_array(),
+            d_lt: (limit_n * grip.d_lt).to_array(),
+            d_tt: (limit_n * grip.d_tt).to_array(),
         };
-        for i in 0..N.min(m.lanes) {
-            let along = m.radius_m[i] * y.wheel[i] - (g.cos[i] * u + g.sin[i] * v + g.arm_along_m[i] * r);
-            let across = -m.lateral[i] * (g.cos[i] * v - g.sin[i] * u + g.arm_across_m[i] * r);
-            let grip = tyre.grip(i, along, across);
-            let limit_n = SLIP_SCALE_M_PER_S * self.grip[i];
-            out.force_l[i] = limit_n * grip.along;
-            out.force_t[i] = limit_n * grip.across;
-            out.d_ll[i] = limit_n * grip.slope_along;
-            out.d_tt[i] = limit_n * m.lateral[i] * grip.slope_across;
+        for i in 0..N {
+            if tangent[i] == 0.0 {
+                let secant = |force: f64, slip: f64, slope: f64| if slip == 0.0 { slope } else { force / slip };
+                out.d_ll[i] = secant(out.force_l[i], along[i], out.d_ll[i]);
+                out.d_tt[i] = secant(out.force_t[i], across[i], out.d_tt[i]);
+                out.d_lt[i] = 0.0;
+            }
+            out.d_lt[i] *= m.lateral[i];
+            out.d_tt[i] *= m.lateral[i];
         }
         out
     }

@@ -3,7 +3,7 @@
 use wide::f64x4;
 
 use super::constants::Constants;
-use crate::lanes::{LANES, Real, each, least};
+use crate::lanes::{Real, each, least};
 use crate::math;
 use crate::tyre::Tyre;
 use crate::{COULOMB_SCALE_RAD_PER_S, SLIP_SCALE_M_PER_S};
@@ -98,26 +98,17 @@ impl Shape {
         }
     }
 
-    /// The same with a tyre of its own in each direction. The slopes stay symmetric: they steer the step only.
-    #[inline(never)]
+    /// The same with a tyre of its own in each direction.
+    #[inline(always)]
     pub(super) fn of_tyre(tyre: &Tyre, c: &Constants, speeds: &Speeds) -> Shape {
         let (along, across) = slips::<true>(c, speeds);
-        let (along, across) = (along.to_array(), across.to_array());
-        let mut out = [[0.0; LANES]; 4];
-        for lane in 0..LANES {
-            let grip = tyre.grip(lane, along[lane], across[lane]);
-            out[0][lane] = grip.along;
-            out[1][lane] = grip.across;
-            out[2][lane] = grip.slope_along;
-            out[3][lane] = grip.slope_across;
-        }
-        let [along, across, d_ll, d_tt] = out.map(f64x4::new);
+        let grip = tyre.grip(along, across, (c.radius_m * speeds.wheel).abs());
         Shape {
-            along,
-            across,
-            d_ll,
-            d_lt: f64x4::ZERO,
-            d_tt: c.lateral * d_tt,
+            along: grip.along,
+            across: grip.across,
+            d_ll: grip.d_ll,
+            d_lt: c.lateral * grip.d_lt,
+            d_tt: c.lateral * grip.d_tt,
             spin_sign: spin_sign(speeds.wheel),
         }
     }
