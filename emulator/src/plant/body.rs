@@ -82,7 +82,7 @@ impl Ground<'_> {
             .floor
             .patches
             .iter()
-            .find(|patch| (x - patch.x_m).hypot(y - patch.y_m) < patch.radius_m);
+            .find(|patch| square(x - patch.x_m) + square(y - patch.y_m) < square(patch.radius_m));
         let hidden = self.floor.friction_scale * patch.map_or(1.0, |patch| patch.friction_scale);
         hidden * self.contents.friction_scale(point)
     }
@@ -136,6 +136,7 @@ impl Body {
                 )
             });
             let wheel_share = if drive.is_some() { 1.0 - ROTOR_SHARE } else { 1.0 };
+            let straight_rad = wheel.rolling_direction_rad + listed(&hidden.wheel_direction_error_rad, position, 0.0);
             wheels.push(Wheel {
                 kind: kind_of(&wheel.kind).ok_or_else(|| BodyError::WheelKind {
                     robot: description.name.clone(),
@@ -143,8 +144,7 @@ impl Body {
                 })?,
                 x_m: wheel.x_m * if wheel.kind == "omni" { wear.track_scale } else { 1.0 } - com_m[0],
                 y_m: wheel.y_m * wear.track_scale - com_m[1],
-                rolling_direction_rad: wheel.rolling_direction_rad
-                    + listed(&hidden.wheel_direction_error_rad, position, 0.0),
+                straight: [straight_rad.cos(), straight_rad.sin()],
                 steered: wheel.steered,
                 radius_m: wheel.radius_m.unwrap_or(0.0) * listed(&hidden.wheel_radius_scale, position, 1.0),
                 inertia_kg_m2: wheel.spin_inertia_kg_m2.unwrap_or(0.0) * wheel_share,
@@ -173,7 +173,7 @@ impl Body {
         let states = wheels
             .iter()
             .map(|wheel| WheelState {
-                direction: [wheel.rolling_direction_rad.cos(), wheel.rolling_direction_rad.sin()],
+                direction: wheel.straight,
                 ..WheelState::default()
             })
             .collect();
@@ -347,17 +347,25 @@ impl Body {
     fn steer(&mut self, command_rad: f64, step: Step) {
         let Some(steering) = &self.steering else { return };
         steering.step(&mut self.state.steering, command_rad, step);
+        let tangent = steering.tangent(&self.state.steering);
         for (wheel, state) in self
             .wheels
             .iter()
             .zip(&mut self.state.wheels)
             .filter(|(wheel, _)| wheel.steered)
         {
-            let angle_rad =
-                wheel.rolling_direction_rad + steering.wheel_angle_rad(&self.state.steering, wheel.y_m + self.com_m[1]);
-            state.direction = [angle_rad.cos(), angle_rad.sin()];
+            let [cos, sin] = steering.wheel_direction(tangent, wheel.y_m + self.com_m[1]);
+            let [straight_cos, straight_sin] = wheel.straight;
+            state.direction = [
+                straight_cos * cos - straight_sin * sin,
+                straight_cos * sin + straight_sin * cos,
+            ];
         }
     }
+}
+
+fn square(value: f64) -> f64 {
+    value * value
 }
 
 fn listed(values: &[f64], position: usize, neutral: f64) -> f64 {

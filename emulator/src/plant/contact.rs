@@ -47,14 +47,24 @@ pub fn renewal_per_m(slip_ratio: f64, friction: f64) -> f64 {
 impl Bristles {
     /// Moves the bristles by a step and returns the force on the robot along and across.
     pub fn step(&mut self, slip: &Slip, dt_s: f64) -> [f64; 2] {
+        const PER_STRIBECK_2: f64 = 1.0 / (STRIBECK_M_PER_S * STRIBECK_M_PER_S);
+        const PER_FADE_2: f64 = 1.0 / (DAMPING_FADE_M_PER_S * DAMPING_FADE_M_PER_S);
         let [along, across] = slip.velocity_m_per_s;
-        let speed = (along * along + across * across).sqrt();
-        let stribeck = 1.0 / (1.0 + (speed / STRIBECK_M_PER_S) * (speed / STRIBECK_M_PER_S));
-        let limit = slip.friction * (KINETIC_SHARE + (1.0 - KINETIC_SHARE) * stribeck);
+        let speed_2 = along * along + across * across;
+        let speed = speed_2.sqrt();
+        // Divisions are what a step of the plant spends most of its time on: these two share one.
+        let (stribeck, fade) = (1.0 + PER_STRIBECK_2 * speed_2, 1.0 + PER_FADE_2 * speed_2);
+        let inverse = 1.0 / (stribeck * fade);
+        let limit = slip.friction * (KINETIC_SHARE + (1.0 - KINETIC_SHARE) * (fade * inverse));
+        let damping_per_load = DAMPING_S_PER_M * (stribeck * inverse) / dt_s;
         let renewal_per_m = [RENEWAL_PER_M + slip.more_renewal_per_m, RENEWAL_PER_M];
-        let sides = [limit, limit * slip.side_scale].map(|limit| limit.max(1e-6));
-        let fade = speed / DAMPING_FADE_M_PER_S;
-        let damping_s_per_m = DAMPING_S_PER_M / (1.0 + fade * fade);
+        let along_per_s = STIFFNESS_PER_M * speed / limit.max(1e-6);
+        let across_per_s = if slip.side_scale == 1.0 {
+            along_per_s
+        } else {
+            STIFFNESS_PER_M * speed / (limit * slip.side_scale).max(1e-6)
+        };
+        let sliding_per_s = [along_per_s, across_per_s];
         let mut force_n = [0.0; 2];
         for (axis, ((force, deflection), velocity)) in force_n
             .iter_mut()
@@ -62,10 +72,10 @@ impl Bristles {
             .zip(slip.velocity_m_per_s)
             .enumerate()
         {
-            let decay_per_s = STIFFNESS_PER_M * speed / sides[axis] + renewal_per_m[axis] * slip.rolling_m_per_s;
+            let decay_per_s = sliding_per_s[axis] + renewal_per_m[axis] * slip.rolling_m_per_s;
             let before = *deflection;
             *deflection = (before + dt_s * velocity) / (1.0 + dt_s * decay_per_s);
-            *force = slip.load_n * (STIFFNESS_PER_M * *deflection + damping_s_per_m * (*deflection - before) / dt_s);
+            *force = slip.load_n * (STIFFNESS_PER_M * *deflection + damping_per_load * (*deflection - before));
         }
         force_n
     }

@@ -57,7 +57,11 @@ impl Motor {
                 / (1.0 + dt_s * resistance_ohm / self.inductance_h);
             current_a.clamp(-self.current_limit_a, self.current_limit_a)
         });
-        let cogging_n_m = self.cogging_n_m * (self.cogging_per_rad * state.angle_rad + self.cogging_phase_rad).sin();
+        let cogging_n_m = if self.cogging_n_m == 0.0 {
+            0.0
+        } else {
+            self.cogging_n_m * (self.cogging_per_rad * state.angle_rad + self.cogging_phase_rad).sin()
+        };
         let driving_n_m = self.constant_n_m_per_a * state.current_a - cogging_n_m - gear_torque_n_m;
         // Friction enters implicitly: it can stop the rotor but not turn it round.
         let speed = state.speed_rad_per_s;

@@ -39,10 +39,16 @@ impl Steering {
             .clamp(state.servo_rad - self.play_rad, state.servo_rad + self.play_rad);
     }
 
-    /// Angle of a wheel at `left_m` so that all axes meet in one point.
-    pub fn wheel_angle_rad(&self, state: &SteeringState, left_m: f64) -> f64 {
-        let tangent = (self.scale * state.angle_rad + self.offset_rad).tan();
-        (self.wheelbase_m * tangent / (self.wheelbase_m - left_m * tangent)).atan()
+    /// Tangent of the bicycle angle of the wheels.
+    pub fn tangent(&self, state: &SteeringState) -> f64 {
+        (self.scale * state.angle_rad + self.offset_rad).tan()
+    }
+
+    /// Cosine and sine of the angle of a wheel at `left_m` so that all axes meet in one point: tan = L t / (L - y t).
+    pub fn wheel_direction(&self, tangent: f64, left_m: f64) -> [f64; 2] {
+        let (across, along) = (self.wheelbase_m * tangent, self.wheelbase_m - left_m * tangent);
+        let scale = along.signum() / (across * across + along * along).sqrt();
+        [along * scale, across * scale]
     }
 }
 
@@ -77,7 +83,13 @@ mod tests {
             angle_rad: 0.3,
             ..SteeringState::default()
         };
-        let centre = |left_m: f64| left_m + 0.26 / STEERING.wheel_angle_rad(&state, left_m).tan();
+        let centre = |left_m: f64| {
+            left_m
+                + 0.26 / {
+                    let [cos, sin] = STEERING.wheel_direction(STEERING.tangent(&state), left_m);
+                    sin / cos
+                }
+        };
         assert!((centre(0.12) - centre(-0.12)).abs() < 1e-9 && centre(0.12) > 0.0);
     }
 }

@@ -21,7 +21,8 @@ pub struct Wheel {
     /// From the centre of mass.
     pub x_m: f64,
     pub y_m: f64,
-    pub rolling_direction_rad: f64,
+    /// Cosine and sine of the rolling direction of a wheel that is not turned by a steering gear.
+    pub straight: [f64; 2],
     pub steered: bool,
     pub radius_m: f64,
     /// Without the rotor.
@@ -86,7 +87,7 @@ impl Wheel {
         let [forward, left] = input.hub_m_per_s;
         if self.kind == WheelKind::Caster {
             let drag = (self.roller_drag + input.rolling_resistance) * input.load_n
-                / (forward.hypot(left) + DRAG_HALF_M_PER_S);
+                / ((forward * forward + left * left).sqrt() + DRAG_HALF_M_PER_S);
             let [fx, fy] = self.swivel.step(state, input, step);
             return [fx - drag * forward, fy - drag * left];
         }
