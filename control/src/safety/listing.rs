@@ -231,12 +231,17 @@ fn pair([i, j]: [usize; 2], line: Vector, distance_m: f64, robots: &Robots, limi
 fn counted(i: usize, at: Vector, robots: &Robots, limits: &Limits, rows: &mut Vec<Row>) {
     let a = &robots.places[i];
     let reach = reach_m(2.0 * limits.speed_m_per_s, limits) + limits.robot_margin_m;
+    let reach = reach + a.radius_m + farthest_lost_m(a, limits);
     for (j, b) in robots.places.iter().enumerate() {
         let Some(at_b) = b.position.filter(|_| b.movable && j != i) else {
             continue;
         };
         let line = sub(at, at_b);
-        let far = reach + a.radius_m + farthest_lost_m(a, limits) + b.radius_m + farthest_lost_m(b, limits);
+        // Most robots go as they are told: no root for them.
+        if dot(line, sub(b.velocity, b.commanded)) <= 0.0 {
+            continue;
+        }
+        let far = reach + b.radius_m + farthest_lost_m(b, limits);
         let square = dot(line, line);
         if !(COINCIDENT_M * COINCIDENT_M..far * far).contains(&square) {
             continue;
