@@ -4,6 +4,7 @@
 //! of threads of the caller gives the same bits.
 
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Runs work items for the diagnosis.
 pub trait Workers: Sync {
@@ -34,6 +35,34 @@ impl Workers for Serial {
     }
 }
 
+/// Items that several threads of the caller take one after the other, each once.
+pub struct Queue<'a> {
+    next: AtomicUsize,
+    count: usize,
+    work: &'a (dyn Fn(usize) + Sync),
+}
+
+impl<'a> Queue<'a> {
+    pub fn new(count: usize, work: &'a (dyn Fn(usize) + Sync)) -> Queue<'a> {
+        Queue {
+            next: AtomicUsize::new(0),
+            count,
+            work,
+        }
+    }
+
+    /// Takes items until none is left; called on every thread that helps.
+    pub fn help(&self) {
+        loop {
+            let item = self.next.fetch_add(1, Ordering::Relaxed);
+            if item >= self.count {
+                break;
+            }
+            (self.work)(item);
+        }
+    }
+}
+
 /// Results of `count` items in their order.
 pub fn gathered<T: Send>(
     workers: &dyn Workers,
@@ -57,4 +86,23 @@ pub fn gathered<T: Send>(
         .into_iter()
         .map(|slot| slot.into_inner().ok().flatten().ok_or(Cancelled))
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_item_is_done_once_however_many_help() {
+        let done: Vec<AtomicUsize> = (0..100).map(|_| AtomicUsize::new(0)).collect();
+        let work = |item: usize| _ = done[item].fetch_add(1, Ordering::Relaxed);
+        let queue = Queue::new(done.len(), &work);
+        std::thread::scope(|scope| {
+            for _ in 0..3 {
+                scope.spawn(|| queue.help());
+            }
+        });
+        queue.help();
+        assert!(done.iter().all(|times| times.load(Ordering::Relaxed) == 1));
+    }
 }

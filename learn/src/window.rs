@@ -10,7 +10,7 @@ use identify::channel::Channel;
 use identify::gap::{RobotClock, delayed_rows};
 use identify::record::MEMORY_S;
 use twin::free::Start;
-use twin::replay::{CommandRow, HeldCommand};
+use twin::replay::{CommandRow, HeldCommand, merged};
 
 use crate::problem::LearnError;
 
@@ -24,8 +24,6 @@ const BIN_S: f64 = 0.1;
 const PAUSE_S: f64 = LONG_PAUSE_S;
 /// Rows from one remembered set-point to the next.
 const CHECKPOINT_ROWS: usize = 512;
-/// Rows closer than this are one, s.
-const SAME_ROW_S: f64 = 1e-5;
 /// Fewest poses around the anchor.
 const MIN_ANCHOR_POSES: usize = 5;
 /// Least share of the expected poses after the anchor, of those a second that the run has at best.
@@ -315,15 +313,7 @@ impl<'a> Source<'a> {
             time_s: k as f64 / ROW_HZ,
             ..CommandRow::default()
         }));
-        rows.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
-        let mut merged: Vec<CommandRow> = Vec::with_capacity(rows.len());
-        for row in rows {
-            match merged.last_mut() {
-                Some(last) if row.time_s - last.time_s < SAME_ROW_S => over(last, &row),
-                _ => merged.push(row),
-            }
-        }
-        Some((before, earlier, merged))
+        Some((before, earlier, merged(rows)))
     }
 
     fn poses(&self, start_s: f64, end_s: f64) -> Vec<PoseSample> {
@@ -385,17 +375,6 @@ impl<'a> Source<'a> {
         }
         samples
     }
-}
-
-/// Takes over what a later row sets.
-fn over(row: &mut CommandRow, later: &CommandRow) {
-    for (slot, new) in row.wheel_rad_per_s.iter_mut().zip(later.wheel_rad_per_s) {
-        *slot = new.or(*slot);
-    }
-    row.steering_rad = later.steering_rad.or(row.steering_rad);
-    row.forward_m_per_s = later.forward_m_per_s.or(row.forward_m_per_s);
-    row.left_m_per_s = later.left_m_per_s.or(row.left_m_per_s);
-    row.yaw_rate_rad_per_s = later.yaw_rate_rad_per_s.or(row.yaw_rate_rad_per_s);
 }
 
 fn check(path: &str, window: &Window) -> Result<(), LearnError> {

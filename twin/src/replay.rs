@@ -31,6 +31,32 @@ pub struct CommandRow {
     pub yaw_rate_rad_per_s: Option<f64>,
 }
 
+impl CommandRow {
+    /// Takes over what a later row sets.
+    fn take_over(&mut self, later: &CommandRow) {
+        for (slot, new) in self.wheel_rad_per_s.iter_mut().zip(later.wheel_rad_per_s) {
+            *slot = new.or(*slot);
+        }
+        self.steering_rad = later.steering_rad.or(self.steering_rad);
+        self.forward_m_per_s = later.forward_m_per_s.or(self.forward_m_per_s);
+        self.left_m_per_s = later.left_m_per_s.or(self.left_m_per_s);
+        self.yaw_rate_rad_per_s = later.yaw_rate_rad_per_s.or(self.yaw_rate_rad_per_s);
+    }
+}
+
+/// Rows in the order of time; those of one time stamp, to 10 us, are one row that has what the last of them sets.
+pub fn merged(mut rows: Vec<CommandRow>) -> Vec<CommandRow> {
+    rows.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+    let mut merged: Vec<CommandRow> = Vec::with_capacity(rows.len());
+    for row in rows {
+        match merged.last_mut() {
+            Some(last) if row.time_s - last.time_s < STAMP_TOLERANCE_S => last.take_over(&row),
+            _ => merged.push(row),
+        }
+    }
+    merged
+}
+
 /// State of the twin at one input time stamp.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ReplayRow {

@@ -3,9 +3,8 @@
 use crate::output::{Output, Unsuccessful};
 use anyhow::{Context, ensure};
 use identify::diagnose::{Input, Run, diagnose};
-use identify::workers::Workers;
+use identify::workers::{Queue, Workers};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
 use twin::model_document::ModelDocument;
 
 #[derive(clap::Args)]
@@ -50,18 +49,10 @@ struct Threads {
 
 impl Workers for Threads {
     fn run(&self, count: usize, work: &(dyn Fn(usize) + Sync)) {
-        let next = AtomicUsize::new(0);
+        let queue = Queue::new(count, work);
         std::thread::scope(|scope| {
             for _ in 0..self.count.min(count) {
-                scope.spawn(|| {
-                    loop {
-                        let item = next.fetch_add(1, Ordering::Relaxed);
-                        if item >= count {
-                            break;
-                        }
-                        work(item);
-                    }
-                });
+                scope.spawn(|| queue.help());
             }
         });
     }

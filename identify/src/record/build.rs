@@ -1,7 +1,7 @@
 //! From a bundle to windows.
 
 use twin::free::Start;
-use twin::replay::{CommandRow, HeldCommand};
+use twin::replay::{CommandRow, HeldCommand, merged};
 
 use super::{
     CELL_S, Cell, Chain, GRID_HZ, Line, MEMORY_S, POSE_CELL_S, PoseCell, Quantity, RUN_IN_S, Record, RollingInput,
@@ -16,8 +16,6 @@ const SHORTEST_WINDOW_S: f64 = 0.8;
 /// Start of a run over which the battery is read, s, and the share of the current limit that counts as rest.
 const SETTLED_S: f64 = 0.5;
 const RESTING: f64 = 0.05;
-/// Two rows closer than this are one, s.
-const SAME_ROW_S: f64 = 1e-5;
 /// A sample further from its neighbours' median than this many median deviations is a fault of the recorder.
 const SPIKE: f64 = 12.0;
 
@@ -322,26 +320,7 @@ fn drive_rows(start_s: f64, to_s: f64, later: &[CommandRow]) -> Vec<CommandRow> 
     let end_s = rows.last().map_or(to_s, |row| row.time_s);
     let commands = later.iter().take_while(|row| row.time_s < end_s);
     rows.extend(commands.copied());
-    rows.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
-    let mut merged: Vec<CommandRow> = Vec::with_capacity(rows.len());
-    for row in rows {
-        match merged.last_mut() {
-            Some(last) if row.time_s - last.time_s < SAME_ROW_S => over(last, &row),
-            _ => merged.push(row),
-        }
-    }
-    merged
-}
-
-/// Takes over what a later row sets.
-fn over(row: &mut CommandRow, later: &CommandRow) {
-    for (slot, new) in row.wheel_rad_per_s.iter_mut().zip(later.wheel_rad_per_s) {
-        *slot = new.or(*slot);
-    }
-    row.steering_rad = later.steering_rad.or(row.steering_rad);
-    row.forward_m_per_s = later.forward_m_per_s.or(row.forward_m_per_s);
-    row.left_m_per_s = later.left_m_per_s.or(row.left_m_per_s);
-    row.yaw_rate_rad_per_s = later.yaw_rate_rad_per_s.or(row.yaw_rate_rad_per_s);
+    merged(rows)
 }
 
 /// Measured wheel speeds and steering as commands. At a time t the input is what the robot's clock stamped t + `shift_s`.

@@ -1,7 +1,6 @@
 //! So many threads of the standard library, items in no particular order.
 
-use identify::workers::Workers;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use identify::workers::{Queue, Workers};
 
 pub struct Threads(pub usize);
 
@@ -13,18 +12,10 @@ impl Workers for Threads {
     }
 
     fn run(&self, count: usize, work: &(dyn Fn(usize) + Sync)) {
-        let next = AtomicUsize::new(0);
+        let queue = Queue::new(count, work);
         std::thread::scope(|scope| {
             for _ in 0..self.0 {
-                scope.spawn(|| {
-                    loop {
-                        let item = next.fetch_add(1, Ordering::Relaxed);
-                        if item >= count {
-                            break;
-                        }
-                        work(item);
-                    }
-                });
+                scope.spawn(|| queue.help());
             }
         });
     }

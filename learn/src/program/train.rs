@@ -1,11 +1,10 @@
 //! `robopheus-learn train`
 
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use anyhow::{Context, ensure};
 use identify::diagnose::Run;
-use identify::workers::Workers;
+use identify::workers::{Queue, Workers};
 use learn::inputs::Sight;
 use learn::linear::Target;
 use learn::onnx::export;
@@ -64,18 +63,10 @@ struct Threads {
 
 impl Workers for Threads {
     fn run(&self, count: usize, work: &(dyn Fn(usize) + Sync)) {
-        let next = AtomicUsize::new(0);
+        let queue = Queue::new(count, work);
         std::thread::scope(|scope| {
             for _ in 0..self.count.min(count) {
-                scope.spawn(|| {
-                    loop {
-                        let item = next.fetch_add(1, Ordering::Relaxed);
-                        if item >= count {
-                            break;
-                        }
-                        work(item);
-                    }
-                });
+                scope.spawn(|| queue.help());
             }
         });
     }

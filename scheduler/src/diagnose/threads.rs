@@ -1,8 +1,8 @@
 //! Work items of a diagnosis on threads of this process, with progress and an end from outside.
 
-use identify::workers::Workers;
+use identify::workers::{Queue, Workers};
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Shared by the thread that diagnoses and the task that keeps the lease.
 #[derive(Debug)]
@@ -37,18 +37,10 @@ impl Threads {
 
 impl Workers for Threads {
     fn run(&self, count: usize, work: &(dyn Fn(usize) + Sync)) {
-        let next = AtomicUsize::new(0);
+        let queue = Queue::new(count, work);
         std::thread::scope(|scope| {
             for _ in 0..self.count.min(count) {
-                scope.spawn(|| {
-                    loop {
-                        let item = next.fetch_add(1, Ordering::Relaxed);
-                        if item >= count {
-                            break;
-                        }
-                        work(item);
-                    }
-                });
+                scope.spawn(|| queue.help());
             }
         });
     }
