@@ -55,7 +55,7 @@ fn main() {
 /// Lateral gap 2 s ahead of the free files under some models: `name:parameter=value,...` each.
 fn dart_gap() {
     use identify::bundle::Bundle;
-    use identify::gap::{RobotClock, end_to_end_with};
+    use identify::gap::{ANCHOR_PERIOD_S, RobotClock, end_to_end_with};
     use twin::effect::Effect;
     use twin::robot::Robot;
     let bundles: Vec<Vec<Bundle>> = dart::FREE
@@ -83,7 +83,7 @@ fn dart_gap() {
             .map(|file| {
                 let samples = file
                     .iter()
-                    .filter_map(|bundle| end_to_end_with(bundle, &robot, RobotClock::default()).ok())
+                    .filter_map(|bundle| end_to_end_with(bundle, &robot, RobotClock::default(), ANCHOR_PERIOD_S).ok())
                     .flat_map(|gap| gap.samples);
                 let squares: Vec<f64> = samples
                     .filter(|s| s.horizon_s == 2.0)

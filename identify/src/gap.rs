@@ -20,6 +20,8 @@ use crate::record::{MEMORY_S, RollingInput};
 pub const HORIZONS_S: [f64; 4] = [0.5, 1.0, 2.0, 5.0];
 /// Time from one anchor to the next, s.
 pub const ANCHOR_PERIOD_S: f64 = 2.0;
+/// The same where few runs must give a steady figure: spans overlap.
+pub const CLOSE_ANCHOR_PERIOD_S: f64 = 0.5;
 /// Time that the twin runs before it is anchored, s.
 pub const RUN_IN_S: f64 = 0.3;
 /// Fewest poses in that window.
@@ -82,7 +84,7 @@ pub enum GapError {
 
 /// End-to-end gap of a run under its own robot description.
 pub fn end_to_end(bundle: &Bundle) -> Result<EndToEndGap, GapError> {
-    end_to_end_with(bundle, &bundle.robot, RobotClock::default())
+    end_to_end_with(bundle, &bundle.robot, RobotClock::default(), ANCHOR_PERIOD_S)
 }
 
 /// What the robot's clock shows less what the tracker's clock shows: the effect `clock_offset`.
@@ -106,7 +108,14 @@ impl RobotClock {
 }
 
 /// End-to-end gap of a run when `robot` predicts it; predictions start from what the robot measured at the moment, by its clock.
-pub fn end_to_end_with(bundle: &Bundle, robot: &Robot, clock: RobotClock) -> Result<EndToEndGap, GapError> {
+///
+/// - `anchor_period_s`: time from one anchor to the next, positive.
+pub fn end_to_end_with(
+    bundle: &Bundle,
+    robot: &Robot,
+    clock: RobotClock,
+    anchor_period_s: f64,
+) -> Result<EndToEndGap, GapError> {
     let track = Track::of(bundle);
     let (Some(first_s), Some(last_s)) = (track.time_s.first(), track.time_s.last()) else {
         return Err(GapError::NoPoses);
@@ -156,7 +165,7 @@ pub fn end_to_end_with(bundle: &Bundle, robot: &Robot, clock: RobotClock) -> Res
             }
         };
         gap.anchors_skipped += u32::from(!done);
-        begin_s += ANCHOR_PERIOD_S;
+        begin_s += anchor_period_s;
     }
     if gap.samples.is_empty() {
         return Err(GapError::TooShort(RUN_IN_S + HORIZONS_S[0]));

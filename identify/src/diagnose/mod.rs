@@ -5,6 +5,7 @@ mod calibrate;
 mod exchange;
 mod excited;
 mod gap_table;
+mod loudness;
 mod next;
 mod prepared;
 
@@ -433,6 +434,12 @@ fn finish(
             taken.finalist.member = member.clone();
             taken.finalist.size = member.candidate.size(&member.values);
             taken.tiny = taken.finalist.size < TINY;
+        }
+        let after = with_members(&case.floor.model, &fit.members);
+        let records: Vec<&Record> = both.records.iter().collect();
+        let shares = loudness::shares(&case.input.runs, &records, &case.floor.model, &after);
+        if !shares.is_empty() {
+            case.located.rank(shares, records.len());
         }
     }
     Ok(())

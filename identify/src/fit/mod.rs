@@ -472,3 +472,38 @@ impl Fit {
         self.covariance.at(position, position).max(0.0).sqrt() * unit
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn outlook(iteration: usize, gain: f64, promised: f64) -> Outlook {
+        Outlook {
+            iteration,
+            gain,
+            promised,
+        }
+    }
+
+    #[test]
+    fn a_fit_ends_where_its_slopes_promise_nothing() {
+        assert!(outlook(1, 100.0, 0.9 * LEAST_GAIN).is_best());
+        assert!(outlook(1, 10_000.0, 0.9 * LEAST_SHARE * 10_000.0).is_best());
+        assert!(!outlook(1, 100.0, 1.0).is_best());
+    }
+
+    #[test]
+    fn a_fit_ends_when_what_it_may_still_gain_is_not_enough_and_not_before() {
+        assert!(outlook(1, 10.0, 4.0).is_hopeless(30.0));
+        assert!(!outlook(1, 10.0, 6.0).is_hopeless(30.0), "{HOPE} times 6 may be enough");
+        assert!(!outlook(0, -50.0, 1.0).is_hopeless(30.0), "the start is no step");
+        assert!(
+            outlook(PATIENCE, -1.0, 1e6).is_hopeless(30.0),
+            "worse than nothing for long"
+        );
+        assert!(
+            !outlook(PATIENCE, -1.0, 1e6).is_hopeless(f64::NEG_INFINITY),
+            "nothing is wanted"
+        );
+    }
+}

@@ -7,4 +7,4 @@ mod noise;
 
 pub use calibrate::{Floor, knob_changes};
 pub use metric::{Metric, dot};
-pub use noise::{ClassNoise, NoiseModel};
+pub use noise::{ClassNoise, NoiseModel, sensor_sigmas};

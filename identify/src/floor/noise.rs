@@ -75,8 +75,8 @@ const MOST_LAGS: usize = 12;
 /// Squared residuals count up to this many times the median.
 const WINSOR: f64 = 40.0;
 
-/// Sensor noise of a cell, by class.
-fn sensor_variance(robot: &RobotDescription) -> [f64; CLASSES] {
+/// Standard deviation of a sample of each channel's sensor.
+pub fn sensor_sigmas(robot: &RobotDescription) -> [f64; CLASSES] {
     let noise = robot.noise.clone().unwrap_or_default();
     let given = [
         noise.wheel_rad_per_s,
@@ -88,14 +88,16 @@ fn sensor_variance(robot: &RobotDescription) -> [f64; CLASSES] {
         noise.pose_xy_m,
         noise.pose_yaw_rad,
     ];
-    let mut variance = [0.0; CLASSES];
-    for (class, value) in variance.iter_mut().enumerate() {
-        let sigma = given[class]
+    core::array::from_fn(|class| {
+        given[class]
             .filter(|sigma| *sigma > 0.0)
-            .unwrap_or(DEFAULT_NOISE[class]);
-        *value = sigma * sigma / SAMPLES_A_CELL;
-    }
-    variance
+            .unwrap_or(DEFAULT_NOISE[class])
+    })
+}
+
+/// Sensor noise of a cell, by class.
+fn sensor_variance(robot: &RobotDescription) -> [f64; CLASSES] {
+    sensor_sigmas(robot).map(|sigma| sigma * sigma / SAMPLES_A_CELL)
 }
 
 impl NoiseModel {

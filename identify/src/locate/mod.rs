@@ -23,6 +23,12 @@ const PLACES: usize = 3;
 const NEAR_M: f64 = 0.5;
 
 impl Located {
+    /// Takes over what is known better of the channels, largest share first.
+    pub fn rank(&mut self, channels: Vec<(usize, f64)>, runs: usize) {
+        self.channels = channels;
+        self.sentence = sentence::sentence(self, runs);
+    }
+
     /// Centres of the loudest parts of the floor.
     pub fn loud_places(&self) -> Vec<(f64, f64)> {
         let map = &self.floor_map;

@@ -20,8 +20,13 @@ pub(super) fn sentence(located: &Located, runs: usize) -> String {
         .max_by(|a, b| a.0.0.total_cmp(&b.0.0));
     if let Some(((_, bin), region)) = sharpest {
         let (low, high) = (region.edges[bin], region.edges[bin + 1]);
+        let of_other = if region.channel == CHANNELS[*class] {
+            String::new()
+        } else {
+            format!(" of {}", region.channel)
+        };
         parts.push(format!(
-            "most at {} {low:.2} to {high:.2} {}",
+            "most{of_other} at {} {low:.2} to {high:.2} {}",
             region.variable, region.unit
         ));
     } else {

@@ -103,32 +103,42 @@ fn harmful(data: &Round, changed: &[Vec<f64>], gain: f64) -> f64 {
 
 /// The channel of the validation runs that loses most, and its loss as a share of the whole gain.
 fn worse(data: &Round, changed: &[Vec<f64>], gain: f64) -> Option<(usize, f64)> {
-    let mut energies = [[0.0; 4]; CLASSES];
+    let mut energies = [Energies::default(); CLASSES];
     for (run, record) in data.validation.records.iter().enumerate() {
         let weights = data.floor.noise.weights(record);
         let residuals = data.validation.residuals[run].iter().zip(&changed[run]);
         for ((place, weight), (before, after)) in record.places().iter().zip(weights).zip(residuals) {
             if let Some(quantity) = place.quantity {
-                let [old, new, plain_old, plain_new] = &mut energies[quantity.class()];
-                *old += weight * before * before;
-                *new += weight * after * after;
-                *plain_old += before * before;
-                *plain_new += after * after;
+                let class = &mut energies[quantity.class()];
+                class.weighted[0] += weight * before * before;
+                class.weighted[1] += weight * after * after;
+                class.plain[0] += before * before;
+                class.plain[1] += after * after;
             }
         }
     }
-    let chance = VALIDATION_GAIN * data.floor.inflation();
-    energies
-        .iter()
-        .enumerate()
-        .filter(|(_, [old, new, _, _])| *new > (1.0 + WORSE) * old && new - old > chance)
-        .map(|(class, [old, new, plain_old, plain_new])| {
-            let share = (new - old) / gain.max(1.0);
-            // Twice as bad in the channel's own unit is harm, however little the floor expects of the channel.
-            let is_doubled = *plain_new > 4.0 * plain_old;
-            (class, if is_doubled { share.max(1.0) } else { share })
-        })
-        .max_by(|a, b| a.1.total_cmp(&b.1))
+    worst_channel(&energies, gain, VALIDATION_GAIN * data.floor.inflation())
+}
+
+/// Energy of a channel before and after.
+#[derive(Debug, Clone, Copy, Default)]
+struct Energies {
+    weighted: [f64; 2],
+    /// In the channel's own unit, squared.
+    plain: [f64; 2],
+}
+
+/// - `chance`: weighted energy that a channel may gain without a cause.
+fn worst_channel(energies: &[Energies], gain: f64, chance: f64) -> Option<(usize, f64)> {
+    let shares = energies.iter().enumerate().filter_map(|(class, energies)| {
+        let ([old, new], [plain_old, plain_new]) = (energies.weighted, energies.plain);
+        let share = (new - old) / gain.max(1.0);
+        // Twice as bad in the channel's own unit is harm, however little the floor expects of the channel.
+        let is_doubled = plain_new > 4.0 * plain_old;
+        let is_worse = new > (1.0 + WORSE) * old && new - old > chance;
+        is_worse.then_some((class, if is_doubled { share.max(1.0) } else { share }))
+    });
+    shares.max_by(|a, b| a.1.total_cmp(&b.1))
 }
 
 /// Decrease of the weighted energy of every window.
@@ -242,5 +252,39 @@ pub(super) fn stability(data: &Round, pairs: &mut [(Finalist, &Fitted)]) {
     }
     for ((finalist, _), win) in pairs.iter_mut().zip(wins) {
         finalist.stability = win / REPLICATES as f64;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn channel(old: f64, new: f64) -> Energies {
+        Energies {
+            weighted: [old, new],
+            plain: [old, new],
+        }
+    }
+
+    #[test]
+    fn the_channel_that_loses_most_is_told_with_its_share_of_the_gain() {
+        let energies = [channel(100.0, 20.0), channel(50.0, 70.0), channel(10.0, 40.0)];
+        assert_eq!(worst_channel(&energies, 60.0, 5.0), Some((2, 0.5)));
+        assert_eq!(worst_channel(&energies, 60.0, 25.0), Some((2, 0.5)));
+        assert_eq!(worst_channel(&energies, 60.0, 31.0), None, "by chance");
+        assert_eq!(
+            worst_channel(&[channel(100.0, 109.0)], 60.0, 5.0),
+            None,
+            "a tenth is allowed"
+        );
+    }
+
+    #[test]
+    fn twice_the_error_in_the_channels_own_unit_is_harm_whatever_the_gain() {
+        let doubled = Energies {
+            weighted: [10.0, 42.0],
+            plain: [1.0, 4.2],
+        };
+        assert_eq!(worst_channel(&[doubled], 1e6, 5.0), Some((0, 1.0)));
     }
 }

@@ -175,3 +175,42 @@ fn under_the_floor(workers: &dyn Workers, data: &Round, side: &Side) -> Result<O
     let simulated = all_residuals(workers, side.records, &data.floor.model)?;
     Ok(simulated.into_iter().collect())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::Fit;
+    use crate::linear::Square;
+
+    fn fitted(position: usize, gain: f64) -> Fitted {
+        let fit = Fit {
+            members: Vec::new(),
+            gain,
+            residuals: Vec::new(),
+            covariance: Square::zero(0),
+            free: Vec::new(),
+            jacobian: Vec::new(),
+            simulations: 0,
+        };
+        Fitted {
+            fit,
+            position,
+            joint: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn starts_that_gained_about_as_much_as_the_best_of_their_candidate_stay() {
+        let all = vec![
+            fitted(3, 100.0),
+            fitted(3, 96.0),
+            fitted(3, 94.0),
+            fitted(5, 10.0),
+            fitted(5, -4.0),
+            fitted(7, -8.0),
+        ];
+        let near = near_the_best(all);
+        let kept: Vec<(usize, f64)> = near.iter().map(|one| (one.position, one.fit.gain)).collect();
+        assert_eq!(kept, [(3, 100.0), (3, 96.0), (5, 10.0), (7, -8.0)]);
+    }
+}

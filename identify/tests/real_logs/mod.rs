@@ -134,7 +134,13 @@ pub fn lateral_gap_m(runs: &[Run], effects: &[twin::effect::Effect]) -> f64 {
     let samples = runs
         .iter()
         .filter_map(|run| {
-            identify::gap::end_to_end_with(&run.bundle, &robot, identify::gap::RobotClock::default()).ok()
+            identify::gap::end_to_end_with(
+                &run.bundle,
+                &robot,
+                identify::gap::RobotClock::default(),
+                identify::gap::ANCHOR_PERIOD_S,
+            )
+            .ok()
         })
         .flat_map(|gap| gap.samples);
     let squares: Vec<f64> = samples

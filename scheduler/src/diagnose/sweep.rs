@@ -5,7 +5,7 @@ use super::bundle_of;
 use crate::stop::Stop;
 use crate::{STORE_CALL_LIMIT, decide};
 use api::model::HorizonGap;
-use identify::gap::{EndToEndGap, RobotClock, end_to_end, end_to_end_with};
+use identify::gap::{ANCHOR_PERIOD_S, EndToEndGap, RobotClock, end_to_end, end_to_end_with};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use store::{GapWork, MeasuredGap, Store};
@@ -81,7 +81,7 @@ async fn gap_of(store: &Store, objects: &Path, work: &GapWork) -> anyhow::Result
                 let clock = RobotClock::of(&model.effects);
                 let robot = Robot::with_model(model.robot, &model.effects, model.residual.as_ref())
                     .map_err(|error| format!("the model cannot be simulated: {error}"))?;
-                end_to_end_with(&bundle, &robot, clock)
+                end_to_end_with(&bundle, &robot, clock, ANCHOR_PERIOD_S)
             }
         };
         gap.map(horizons).map_err(|error| error.to_string())
