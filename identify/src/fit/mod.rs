@@ -51,6 +51,9 @@ const MOST_MOVES: usize = 4;
 /// does not.
 const FINER: [f64; 5] = [1.0, 0.5, 0.25, 0.12, 0.06];
 const NEAR: [f64; 1] = [0.25];
+/// The same in control ticks for what shifts time.
+const TICKS: [f64; 3] = [1.0, 0.5, 0.25];
+const TICK_S: f64 = 1.0 / twin::CONTROL_RATE_HZ as f64;
 /// Dampings that are tried for a step.
 const TRIALS: usize = 4;
 /// A limit that is far too low is raised by this factor, so many times.
@@ -98,14 +101,34 @@ fn step_of(axis: &Axis, value: f64) -> f64 {
     near.max(0.04 * (value - axis.neutral).abs())
 }
 
-/// Steps of the pattern searches of a fit, as parts of a practical size.
-fn steps_of_search(rough: bool, limited: bool, searches: usize) -> &'static [f64] {
-    match (rough, limited, searches) {
+/// Steps of a pattern search.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Steps {
+    /// Along all axes, a part of a practical size.
+    Sizes(f64),
+    /// Along the axes that shift time, s.
+    Seconds(f64),
+}
+
+/// Steps of the pattern searches of a fit.
+///
+/// - `shifts`: a member shifts time. Set-points act at control ticks, so that the energy is wavy over a shift, with the period of a tick: slopes
+///   lead to the bottom of a wave.
+fn steps_of_search(rough: bool, limited: bool, shifts: bool, searches: usize) -> Vec<Steps> {
+    let sizes: &[f64] = match (rough, limited, searches) {
         (true, _, 0) => &FINER,
         (false, true, 0) => &FINER[..3],
         (false, false, 0) => &NEAR,
         _ => &[],
-    }
+    };
+    let ticks: &[f64] = if shifts && searches == 0 { &TICKS } else { &[] };
+    let seconds = ticks.iter().map(|ticks| Steps::Seconds(ticks * TICK_S));
+    seconds.chain(sizes.iter().map(|size| Steps::Sizes(*size))).collect()
+}
+
+/// Shifts time.
+fn is_shift(axis: &Axis) -> bool {
+    axis.unit == "s" && ["offset", "delay", "latency"].contains(&axis.name)
 }
 
 fn clamped(axis: &Axis, value: f64) -> f64 {
@@ -198,6 +221,7 @@ pub fn fit(problem: &Problem, start: Vec<Member>) -> Option<Fit> {
     let mut searches = 0;
     let rough = members.iter().any(|member| is_rough(&member.candidate));
     let limited = members.iter().any(has_limit);
+    let shifts = free.iter().any(|(m, a)| is_shift(&members[*m].candidate.axes[*a]));
     for iteration in 0..MOST_ITERATIONS {
         slopes = jacobian(&mut search, &members, &free, &now);
         let mut vectors: Vec<Vec<&[f64]>> = vec![now.iter().map(Vec::as_slice).collect()];
@@ -240,11 +264,11 @@ pub fn fit(problem: &Problem, start: Vec<Member>) -> Option<Fit> {
         }
         let gained = before - energy;
         if gained < LEAST_GAIN || gained < LEAST_SHARE * (base_energy - energy) {
-            let steps = steps_of_search(rough, limited, searches);
+            let steps = steps_of_search(rough, limited, shifts, searches);
             searches += 1;
             let mut found = false;
-            for finer in steps {
-                found |= pattern(&mut search, &mut members, &free, &mut now, &mut energy, *finer);
+            for steps in steps {
+                found |= pattern(&mut search, &mut members, &free, &mut now, &mut energy, steps);
                 if base_energy - energy < problem.wanted_gain {
                     found = false;
                     break;
@@ -380,19 +404,25 @@ fn pattern(
     free: &[(usize, usize)],
     now: &mut Vec<Vec<f64>>,
     energy: &mut f64,
-    finer: f64,
+    steps: Steps,
 ) -> bool {
     let before = *energy;
     for (m, a) in free {
         let axis = members[*m].candidate.axes[*a];
+        if matches!(steps, Steps::Seconds(_)) && !is_shift(&axis) {
+            continue;
+        }
         let mut direction = 1.0;
         let mut turned = false;
         let mut moves = 0;
         while moves < MOST_MOVES {
             let mut trial = members.clone();
             let value = trial[*m].values[*a];
-            let unit = scale(&axis, value);
-            trial[*m].values[*a] = clamped(&axis, value + direction * finer * unit);
+            let step = match steps {
+                Steps::Sizes(part) => part * scale(&axis, value),
+                Steps::Seconds(seconds) => seconds,
+            };
+            trial[*m].values[*a] = clamped(&axis, value + direction * step);
             let better = search
                 .simulate(&trial)
                 .filter(|residuals| search.energy(residuals) < *energy);
@@ -505,5 +535,14 @@ mod tests {
             !outlook(PATIENCE, -1.0, 1e6).is_hopeless(f64::NEG_INFINITY),
             "nothing is wanted"
         );
+    }
+
+    #[test]
+    fn shifts_of_time_are_searched_in_ticks_once_before_anything_finer() {
+        let tick = Steps::Seconds(TICK_S);
+        assert_eq!(steps_of_search(false, false, true, 0)[0], tick);
+        assert_eq!(steps_of_search(false, false, true, 0).len(), TICKS.len() + NEAR.len());
+        assert_eq!(steps_of_search(false, false, false, 0), [Steps::Sizes(NEAR[0])]);
+        assert!(steps_of_search(false, false, true, 1).is_empty());
     }
 }
