@@ -6,7 +6,7 @@
 //!
 //! across the path while it drives along it. A robot that moves sideways does just that; the others point along the sum
 //! of both. A robot that turns in place stops at corners. A car-like robot drives arcs there, as tight as it may, and
-//! never bends more than its steering allows.
+//! never bends more than its steering allows; where the path turns back it changes gear.
 
 use twin::twist::BodyTwist;
 
@@ -205,7 +205,7 @@ impl Progress {
         let (Some(piece), next) = (self.pieces.get(self.index), self.pieces.get(self.index + 1)) else {
             return true;
         };
-        next.is_none_or(|next| wrap(next.from.yaw_rad - piece.end().yaw_rad).abs() > CORNER_RAD)
+        next.is_none_or(|next| !is_smooth(piece, next))
     }
 
     /// Speed along the path: brakes for the next corner and the end.
@@ -214,9 +214,8 @@ impl Progress {
         let mut room_m = to_end_m;
         let mut k = self.index;
         let smooth = |k: usize| {
-            self.pieces
-                .get(k + 1)
-                .is_some_and(|next| wrap(next.from.yaw_rad - self.pieces[k].end().yaw_rad).abs() <= CORNER_RAD)
+            let next = self.pieces.get(k + 1);
+            next.is_some_and(|next| is_smooth(&self.pieces[k], next))
         };
         while smooth(k) && room_m < 1.0 {
             k += 1;
@@ -256,6 +255,11 @@ impl Progress {
     }
 }
 
+/// No corner between two pieces, and no change of gear.
+fn is_smooth(piece: &Piece, next: &Piece) -> bool {
+    piece.backwards == next.backwards && wrap(next.from.yaw_rad - piece.end().yaw_rad).abs() <= CORNER_RAD
+}
+
 /// A robot that cannot move sideways points along the sum of both speeds, `[along, back]`.
 fn pointed(
     drive: Drive,
@@ -271,13 +275,13 @@ fn pointed(
         _ => 0.0,
     };
     let base = along_m_per_s.max(0.1);
-    let wanted_rad = path_yaw_rad - inward_rad - libm::atan2(back_m_per_s, base);
+    let wanted_rad = path_yaw_rad - inward_rad - piece.sign() * libm::atan2(back_m_per_s, base);
     let error_rad = wrap(wanted_rad - here.yaw_rad);
     let turn = parameters.get("yaw_gain_per_s") * error_rad;
     match drive {
         Drive::Steered { turning_radius_m, .. } => {
-            let forward_m_per_s = along_m_per_s * libm::cos(error_rad).max(0.3);
-            let limit = forward_m_per_s / turning_radius_m.max(1e-3);
+            let forward_m_per_s = piece.sign() * along_m_per_s * libm::cos(error_rad).max(0.3);
+            let limit = forward_m_per_s.abs() / turning_radius_m.max(1e-3);
             let ahead = forward_m_per_s * piece.curvature_per_m;
             BodyTwist {
                 forward_m_per_s,
