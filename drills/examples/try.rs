@@ -1,6 +1,6 @@
 use control::interaction::Settings;
 use drills::abc::course::{Course, Setting};
-use drills::abc::drive::{Correction, on_plant, on_twin};
+use drills::abc::drive::{Correction, ideal, on_plant, on_twin};
 use emulator::hidden::*;
 use twin::robot::Robot;
 fn main() {
@@ -10,6 +10,9 @@ fn main() {
             let setting = Setting { speed_m_per_s: speed, distance_gain_per_s: 1.5, integral_gain_per_s2: 0.2, derivative_gain: 0.1, yaw_gain_per_s: 3.0, start_yaw_rad: 0.0 };
             let t = on_twin(chassis, Course::L, &setting).unwrap();
             println!("{chassis} {speed}: twin {:.2} mm max {:.1} in {:.1} s fin {}", 1e3*t.rms_m, 1e3*t.largest_m, t.seconds, t.finished);
+            let (t, poses) = ideal(chassis, Course::L, &setting).unwrap();
+            println!("{chassis} {speed}: ideal {:.2} mm max {:.1} in {:.1} s fin {}", 1e3*t.rms_m, 1e3*t.largest_m, t.seconds, t.finished);
+            if std::env::var("TRACE").is_ok() { for p in poses.iter().step_by(30) { println!("   {:.3} {:.3} {:.3}", p[0], p[1], p[2]); } }
             let scene = Course::L.scene(chassis, &setting).unwrap();
             let scenario = scene.scenario().unwrap();
             let robot: Robot = control::team::robots(&scenario).unwrap().remove(0);

@@ -120,7 +120,7 @@ impl Interaction {
         Some(RobotObservation {
             pose: newest.pose,
             pose_age_s: -self.ideal.ahead_s(),
-            twist: newest.twist,
+            twist: self.ideal.slid(&newest.twist),
             online: seen.online,
         })
     }

@@ -21,7 +21,7 @@ use crate::answer::{Answer, turn_share};
 use crate::law::Drive;
 use crate::prediction::{after, between, is_possible, moved};
 use crate::team::accelerated;
-use crate::vector::wrap;
+use crate::vector::{heading, wrap};
 
 /// Moments of the horizon that are compared.
 const SAMPLES: usize = 6;
@@ -62,6 +62,9 @@ pub(super) struct Plan {
     model: Robot,
     scratch: FreeRobot,
     drive: Drive,
+    /// What is compared, ahead of the body origin: of steered robots the fixed axle. Where the body swings to when the
+    /// wheels are turned says nothing of where it will go, and the other way round with the back first.
+    point_x_m: f64,
     ahead: usize,
     lead_driving: usize,
     lead_turning: usize,
@@ -85,6 +88,10 @@ impl Plan {
             scratch: FreeRobot::at_rest(model, Pose::default()),
             model: model.clone(),
             drive,
+            point_x_m: match drive {
+                Drive::Steered { axle_x_m, .. } => axle_x_m,
+                _ => 0.0,
+            },
             ahead,
             lead_driving: lead(answer.driving_s),
             lead_turning: lead(answer.turning_s),
@@ -203,8 +210,10 @@ impl Plan {
             own = next;
             expected = moved(&expected, &after(&way, model.bias(), seconds));
             let off = between(&motion(&ideal.at(end).pose), &motion(&expected));
-            residuals[3 * sample] = off.at[0];
-            residuals[3 * sample + 1] = off.at[1];
+            // Of the point that is compared.
+            let [c, s] = heading(off.yaw_rad);
+            residuals[3 * sample] = off.at[0] + (c - 1.0) * self.point_x_m;
+            residuals[3 * sample + 1] = off.at[1] + s * self.point_x_m;
             residuals[3 * sample + 2] = lever_m * wrap(off.yaw_rad);
         }
         // False also of what is not a number.

@@ -101,13 +101,17 @@ impl VirtualRobot {
         !(length(off.at) <= farthest_m && wrap(off.yaw_rad).abs() <= farthest_rad)
     }
 
+    /// Twist of the body when it is told one.
+    pub(super) fn slid(&self, told: &BodyTwist) -> BodyTwist {
+        BodyTwist {
+            left_m_per_s: told.left_m_per_s - self.axle_x_m * told.yaw_rate_rad_per_s,
+            ..*told
+        }
+    }
+
     fn next(&self, from: &Point, twist: &BodyTwist) -> Point {
-        let slid = BodyTwist {
-            left_m_per_s: twist.left_m_per_s - self.axle_x_m * twist.yaw_rate_rad_per_s,
-            ..*twist
-        };
         Point {
-            pose: moved(&from.pose, &after(&Motion::default(), &slid, TICK_S)),
+            pose: moved(&from.pose, &after(&Motion::default(), &self.slid(twist), TICK_S)),
             twist: *twist,
         }
     }

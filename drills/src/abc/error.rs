@@ -2,8 +2,8 @@
 
 use control::law::Piece;
 
-/// A piece counts as passed this close to its end.
-const PASSED_M: f64 = 0.012;
+/// Within this of its end a piece is passed as soon as the next one is no further away.
+const NEAR_END_M: f64 = 0.05;
 /// Parts of an arc.
 const PARTS: usize = 64;
 
@@ -38,7 +38,9 @@ impl PathError {
             };
             let (distance_m, along_m, length_m) = nearest(points, here_m);
             self.driven_m = self.driven_m.max(along_m);
-            if length_m - self.driven_m > PASSED_M || self.active + 1 == self.pieces.len() {
+            let next = self.pieces.get(self.active + 1).map(|next| nearest(next, here_m).0);
+            let passed = length_m - self.driven_m <= NEAR_END_M && next.is_some_and(|next_m| next_m <= distance_m);
+            if !passed {
                 return distance_m;
             }
             self.active += 1;
