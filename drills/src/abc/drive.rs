@@ -76,12 +76,9 @@ pub fn on_plant(
     let scene = course.scene(chassis, setting)?;
     let scenario = scene.scenario()?;
     let settings = RigSettings {
-        seed,
-        hidden: hidden.clone(),
-        light: LightSettings::default(),
         looks_ahead: !matches!(correction, Correction::Plain),
         learns: matches!(correction, Correction::Usual | Correction::Model(..)),
-        ..RigSettings::default()
+        ..plant_settings(hidden, seed)
     };
     let mut team = Team::new(&scenario).map_err(|problems| anyhow!("{problems:?}"))?;
     if let Correction::Model(model, settings) = correction {
@@ -112,6 +109,29 @@ pub fn on_plant(
         records: std::mem::take(&mut rig.records),
         begin_us,
     })
+}
+
+/// A quiet laboratory around this plant.
+pub fn plant_settings(hidden: &Hidden, seed: u64) -> RigSettings {
+    RigSettings {
+        seed,
+        hidden: hidden.clone(),
+        light: LightSettings::default(),
+        phase: (seed % 4) as i64,
+        ..RigSettings::default()
+    }
+}
+
+/// RMS distance from where the ideal robot is at the same time, m; a constant delay, up to 1 s, is taken out.
+pub fn time_rms_m(poses: &[[f64; 3]], ideal: &[[f64; 3]]) -> f64 {
+    let rms = |delay: usize| {
+        let pairs = poses.iter().enumerate().map(|(k, pose)| {
+            let then = k.saturating_sub(delay).min(ideal.len().saturating_sub(1));
+            ideal.get(then).map_or(0.0, |at| (pose[0] - at[0]).powi(2) + (pose[1] - at[1]).powi(2))
+        });
+        (pairs.sum::<f64>() / poses.len().max(1) as f64).sqrt()
+    };
+    (0..=120).step_by(3).map(rms).fold(f64::INFINITY, f64::min)
 }
 
 /// A course on the twin.
