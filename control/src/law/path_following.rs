@@ -64,7 +64,7 @@ const ACCELERATION_M_PER_S2: f64 = 0.5;
 /// Speed at which a corner is passed.
 const CORNER_M_PER_S: f64 = 0.04;
 /// A corner counts as passed this close.
-const PASSED_M: f64 = 0.004;
+const PASSED_M: f64 = 0.002;
 /// Bends below this angle are no corners.
 const CORNER_RAD: f64 = 0.05;
 /// A robot that turns on the spot at a corner drives on when it points this well.

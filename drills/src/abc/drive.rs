@@ -111,12 +111,16 @@ pub fn on_plant(
     })
 }
 
-/// A quiet laboratory around this plant.
+/// A quiet laboratory around this plant. Errors are told in the frame of its localisation, as the paper's are: a constant offset
+/// of that frame, which nobody in the laboratory could see, is left out.
 pub fn plant_settings(hidden: &Hidden, seed: u64) -> RigSettings {
     RigSettings {
         seed,
         hidden: hidden.clone(),
-        light: LightSettings::default(),
+        light: LightSettings {
+            bias_m: 0.0,
+            ..LightSettings::default()
+        },
         phase: (seed % 4) as i64,
         ..RigSettings::default()
     }

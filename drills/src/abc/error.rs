@@ -4,6 +4,8 @@ use control::law::Piece;
 
 /// Within this of its end a piece is passed as soon as the next one is no further away.
 const NEAR_END_M: f64 = 0.05;
+/// Rounding, where both lie on one line.
+const SAME_M: f64 = 1e-6;
 /// Parts of an arc.
 const PARTS: usize = 64;
 
@@ -39,7 +41,7 @@ impl PathError {
             let (distance_m, along_m, length_m) = nearest(points, here_m);
             self.driven_m = self.driven_m.max(along_m);
             let next = self.pieces.get(self.active + 1).map(|next| nearest(next, here_m).0);
-            let passed = length_m - self.driven_m <= NEAR_END_M && next.is_some_and(|next_m| next_m <= distance_m);
+            let passed = length_m - self.driven_m <= NEAR_END_M && next.is_some_and(|next_m| next_m <= distance_m + SAME_M);
             if !passed {
                 return distance_m;
             }
