@@ -16,12 +16,12 @@ use control::law::RobotObservation;
 use control::scenario::Scenario;
 use control::team::Team;
 use serde_json::{Value, json};
+use twin::SUBSTEPS;
 use twin::effect::Effect;
 use twin::free::FreeRobot;
 use twin::pose::Pose;
 use twin::residual::{Activation, Input, Layer, Output, ResidualDocument};
 use twin::robot::Robot;
-use twin::SUBSTEPS;
 
 const ROBOTS: usize = 10;
 const CHASSIS: [&str; 6] = ["omni4", "diff2", "diff4", "fwd", "rwd", "awd"];
@@ -30,7 +30,10 @@ const REPEATS: usize = 3;
 const TARGET_MS: f64 = 2.0;
 
 fn main() -> ExitCode {
-    println!("{:<44} {:>8} {:>8} {:>8}", "whole tick, 10 robots", "p50 ms", "p99 ms", "max ms");
+    println!(
+        "{:<44} {:>8} {:>8} {:>8}",
+        "whole tick, 10 robots", "p50 ms", "p99 ms", "max ms"
+    );
     let cases = [
         ("without correction", None),
         ("corrected, two effects", Some(false)),
@@ -46,7 +49,10 @@ fn main() -> ExitCode {
         println!("{name:<44} {:>8.3} {:>8.3} {:>8.3}", at(0.5), at(0.99), at(1.0));
         holds &= at(0.99) <= TARGET_MS;
     }
-    println!("asked: p99 <= {TARGET_MS} ms: {}", if holds { "holds" } else { "MISSED" });
+    println!(
+        "asked: p99 <= {TARGET_MS} ms: {}",
+        if holds { "holds" } else { "MISSED" }
+    );
     ExitCode::from(u8::from(!holds))
 }
 
@@ -95,7 +101,10 @@ fn times_ms(correction: Option<bool>) -> Vec<f64> {
         }
     }
     let active = team.interactions().iter().filter(|one| one.is_active()).count();
-    assert!(correction.is_none() || active >= ROBOTS / 2, "{active} robots are corrected");
+    assert!(
+        correction.is_none() || active >= ROBOTS / 2,
+        "{active} robots are corrected"
+    );
     times
 }
 
@@ -147,12 +156,25 @@ fn model(robot: &Robot, with_residual: bool) -> Robot {
         Effect::new("rolling_resistance", &[("coefficient", 0.02)]),
     ];
     let document = residual();
-    Robot::with_model(robot.description().clone(), &effects, with_residual.then_some(&document)).expect("a model")
+    Robot::with_model(
+        robot.description().clone(),
+        &effects,
+        with_residual.then_some(&document),
+    )
+    .expect("a model")
 }
 
 /// As large as those that are learned: 16 + 16 units.
 fn residual() -> ResidualDocument {
-    let names = ["forward_m_per_s", "left_m_per_s", "yaw_rate_rad_per_s", "x_m", "y_m", "heading_cos", "heading_sin"];
+    let names = [
+        "forward_m_per_s",
+        "left_m_per_s",
+        "yaw_rate_rad_per_s",
+        "x_m",
+        "y_m",
+        "heading_cos",
+        "heading_sin",
+    ];
     let inputs: Vec<Input> = names.iter().map(|name| Input::new(name, -10.0, 10.0)).collect();
     let layer = |inputs: usize, outputs: usize, activation| Layer {
         weights: (0..inputs * outputs).map(|k| 0.01 * (k % 7) as f64 - 0.03).collect(),

@@ -6,10 +6,11 @@ use twin::twist::BodyTwist;
 
 use crate::TICK_S;
 use crate::answer::{Answer, assumed_latency_s};
-pub use crate::law::RobotObservation;
 use crate::interaction::{Interaction, Settings};
+pub use crate::law::RobotObservation;
 use crate::law::{self, Body, Demand, Drive, Goal, Law, Observation, Parameters};
 use crate::prediction::Predictor;
+use crate::rehearsal::modelled;
 use crate::safety::{Deadlock, FilterBody, Filtered, Geofence, Intervention, Limits, SafeCommand, SafetyFilter};
 use crate::scenario::{FieldProblem, Scenario};
 use crate::vector::{add, clip, sub};
@@ -63,14 +64,19 @@ pub struct Team {
 }
 
 impl Team {
-    /// Control for a scenario that passes its checks.
+    /// Control for a scenario that passes its checks; with the interaction where its experiment asks for it, by the model versions
+    /// of its robots.
     pub fn new(scenario: &Scenario) -> Result<Team, Vec<FieldProblem>> {
         let problems = scenario.check();
         if !problems.is_empty() {
             return Err(problems);
         }
         let law = law::build(scenario).ok_or_else(|| vec![no_law(&scenario.experiment.control.law)])?;
-        Team::with_law(scenario, law)
+        let team = Team::with_law(scenario, law)?;
+        match scenario.interaction() {
+            Some(settings) => Ok(team.with_interaction(&modelled(scenario)?, settings)),
+            None => Ok(team),
+        }
     }
 
     /// Control for a scenario with a law of one's own in place of the one it names; other rules are not checked.

@@ -161,7 +161,10 @@ fn abc(arguments: &Abc) -> Result<bool> {
             let workers = Threads(arguments.threads);
             let mut outcome = experiment::run(chassis, floor, arguments.rounds, arguments.seed, setting, &workers)?;
             outcome.seconds = clock.elapsed().as_secs_f64();
-            eprintln!("{chassis}, floor {floor}: {:.0} s; {}", outcome.seconds, outcome.sentence);
+            eprintln!(
+                "{chassis}, floor {floor}: {:.0} s; {}",
+                outcome.seconds, outcome.sentence
+            );
             eprintln!("  {}; {}", outcome.effects.join(", "), outcome.residual);
             outcomes.push(outcome);
             if let Some(path) = &arguments.json {

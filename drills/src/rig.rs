@@ -224,7 +224,11 @@ impl Rig {
         };
         let seen = rig.prepare(&limits)?;
         let pilot = Pilot::new(team, seen, duration_ticks, rig.now_us()).looking_ahead(settings.looks_ahead);
-        rig.pilot = if settings.learns { pilot } else { pilot.without_learning() };
+        rig.pilot = if settings.learns {
+            pilot
+        } else {
+            pilot.without_learning()
+        };
         rig.motion_plant_tick = rig.plant_ticks;
         Ok(rig)
     }

@@ -27,6 +27,8 @@
 mod hold;
 mod model_robot;
 mod plan;
+#[cfg(test)]
+mod tests;
 mod virtual_robot;
 
 use twin::pose::Pose;
@@ -158,5 +160,11 @@ impl Interaction {
     /// Where the physical robot should be when the command of this tick takes effect, and where it is expected then.
     pub fn expected(&self) -> Option<[Pose; 2]> {
         self.active.then(|| [self.ideal.now().pose, self.model.pose()])
+    }
+
+    /// Lets the model's state be this.
+    #[cfg(test)]
+    fn spoil(&mut self, value: f64) {
+        self.model.spoil(value);
     }
 }

@@ -4,15 +4,15 @@
 //! dead  = answer as measured - answer of the model                     what is on its way and no property of the robot
 //! P_k   = P_(k-1) m_k exp(b T)                                         m_k: motion of the model in tick k
 //! fresh = measured P(now - age - dead)^-1 P(now)
-//! x    <- x m_k exp(b T);   x <- x (2 w T nu),  b <- b + w^2 T nu,     nu = x^-1 fresh
+//! x    <- x m_k exp(b T);   x <- x (2 w T nu),  b <- b + w_b^2 T nu,     nu = x^-1 fresh
 //! ```
 //! `x` is where the robot will be when the command of now takes effect; `b` is what the model does not say of its velocity.
 
+use twin::SUBSTEPS;
 use twin::free::FreeRobot;
 use twin::pose::Pose;
 use twin::robot::Robot;
 use twin::twist::BodyTwist;
-use twin::SUBSTEPS;
 
 use super::virtual_robot::motion;
 use crate::TICK_S;
@@ -26,6 +26,8 @@ use crate::vector::{clip, length, wrap};
 const DEPTH: usize = 64;
 /// `w`: how fast what was measured is followed, 1/s.
 const FOLLOWING_PER_S: f64 = 6.0;
+/// `w_b`: how fast the bias is learnt, 1/s.
+const LEARNING_PER_S: f64 = 3.0;
 /// An older pose is not believed.
 const OLDEST_S: f64 = 0.15;
 /// Longest dead time.
@@ -123,9 +125,8 @@ impl ModelRobot {
         (0..SUBSTEPS).for_each(|_| self.free.step(&wheels));
         let mut way = between(&before, &motion(&self.free.pose()));
         way.yaw_rad = wrap(way.yaw_rad);
-        let possible = self.free.is_finite()
-            && length(way.at) <= LONGEST_TICK_M
-            && way.yaw_rad.abs() <= LONGEST_TICK_RAD;
+        let possible =
+            self.free.is_finite() && length(way.at) <= LONGEST_TICK_M && way.yaw_rad.abs() <= LONGEST_TICK_RAD;
         if !possible {
             // What it had come to says nothing: it begins anew, and the pose has to be taken again.
             let Self { free, at_rest, .. } = self;
@@ -166,12 +167,21 @@ impl ModelRobot {
         self.told
     }
 
+    #[cfg(test)]
+    pub(super) fn spoil(&mut self, value: f64) {
+        self.free.lay(Pose {
+            x_m: value,
+            y_m: value,
+            yaw_rad: 0.0,
+        });
+    }
+
     pub(super) fn bias(&self) -> &BodyTwist {
         &self.bias
     }
 
     fn learn(&mut self, off: &Motion) {
-        let gain = FOLLOWING_PER_S * FOLLOWING_PER_S * TICK_S;
+        let gain = LEARNING_PER_S * LEARNING_PER_S * TICK_S;
         let [forward_m_per_s, left_m_per_s] = clip(
             [
                 self.bias.forward_m_per_s + gain * off.at[0],

@@ -8,11 +8,11 @@
 //! Robots that cannot move sideways have no `v`; steered ones have the curvature in place of the yaw rate and never change
 //! gear by a correction.
 
+use twin::SUBSTEPS;
 use twin::free::FreeRobot;
 use twin::pose::Pose;
 use twin::robot::Robot;
 use twin::twist::BodyTwist;
-use twin::SUBSTEPS;
 
 use super::model_robot::ModelRobot;
 use super::virtual_robot::{VirtualRobot, motion};
@@ -71,10 +71,8 @@ pub(super) struct Plan {
     turn_gain: f64,
     corrections: Corrections,
     jacobian: [[f64; RESIDUALS]; UNKNOWNS],
-    /// Whose turn it is.
+    /// Whose turn it is; a column of zeros, before its first turn, corrects nothing.
     column: usize,
-    /// Columns that are known.
-    known: usize,
     last_per_m: f64,
 }
 
@@ -95,19 +93,20 @@ impl Plan {
             ahead,
             lead_driving: lead(answer.driving_s),
             lead_turning: lead(answer.turning_s),
-            turn_gain: if share > 0.0 { (1.0 / share).clamp(least, most) } else { 1.0 },
+            turn_gain: if share > 0.0 {
+                (1.0 / share).clamp(least, most)
+            } else {
+                1.0
+            },
             corrections: [[0.0; COMPONENTS]; BLOCKS],
             jacobian: [[0.0; RESIDUALS]; UNKNOWNS],
             column: 0,
-            known: 0,
             last_per_m: 0.0,
         }
     }
 
     pub(super) fn reset(&mut self) {
         self.corrections = [[0.0; COMPONENTS]; BLOCKS];
-        self.known = 0;
-        self.column = 0;
     }
 
     /// Command of this tick; nothing when the model says what cannot be.
@@ -117,10 +116,7 @@ impl Plan {
             return Some(ideal.at(1).twist);
         }
         let base = self.residuals(model, ideal, &self.corrections.clone())?;
-        let columns = if self.known == 0 { UNKNOWNS } else { 1 };
-        for _ in 0..columns {
-            self.renew(model, ideal, &base)?;
-        }
+        self.renew(model, ideal, &base)?;
         self.improve(&base, ideal);
         let command = self.at_tick(ideal, &self.corrections, 0);
         self.last_per_m = self.per_m(ideal, 0);
@@ -129,14 +125,12 @@ impl Plan {
 
     /// One column of the Jacobian.
     fn renew(&mut self, model: &ModelRobot, ideal: &VirtualRobot, base: &[f64; RESIDUALS]) -> Option<()> {
+        while !self.is_free(self.column % COMPONENTS) {
+            self.column = (self.column + 1) % UNKNOWNS;
+        }
         let (block, component) = (self.column / COMPONENTS, self.column % COMPONENTS);
-        self.known = (self.known + 1).min(UNKNOWNS);
         let column = self.column;
         self.column = (self.column + 1) % UNKNOWNS;
-        if !self.is_free(component) {
-            self.column = if self.is_free((component + 1) % COMPONENTS) { self.column } else { (self.column + 1) % UNKNOWNS };
-            return Some(());
-        }
         let mut moved = self.corrections;
         let step = self.step(component);
         moved[block][component] += step;
@@ -185,8 +179,17 @@ impl Plan {
     }
 
     /// Differences of predicted and wanted poses over the horizon, in the frames of the wanted ones.
-    fn residuals(&mut self, model: &ModelRobot, ideal: &VirtualRobot, corrections: &Corrections) -> Option<[f64; RESIDUALS]> {
-        let lever_m = if self.drive == Drive::Holonomic { LEVER_HOLONOMIC_M } else { LEVER_M };
+    fn residuals(
+        &mut self,
+        model: &ModelRobot,
+        ideal: &VirtualRobot,
+        corrections: &Corrections,
+    ) -> Option<[f64; RESIDUALS]> {
+        let lever_m = if self.drive == Drive::Holonomic {
+            LEVER_HOLONOMIC_M
+        } else {
+            LEVER_M
+        };
         self.scratch.copy_from(model.free());
         let mut told = model.told();
         let mut steering_rad = model.steering_rad();
@@ -247,7 +250,11 @@ impl Plan {
             }
             drive => BodyTwist {
                 forward_m_per_s: u + forward,
-                left_m_per_s: if drive == Drive::Holonomic { driving.left_m_per_s + left } else { 0.0 },
+                left_m_per_s: if drive == Drive::Holonomic {
+                    driving.left_m_per_s + left
+                } else {
+                    0.0
+                },
                 yaw_rate_rad_per_s: self.turn_gain * ideal.at(tick + 1 + self.lead_turning).twist.yaw_rate_rad_per_s
                     + turn,
             },
@@ -290,11 +297,19 @@ impl Plan {
     }
 
     fn size(&self, component: usize) -> f64 {
-        if component == 2 && self.is_steered() { SIZE_PER_M } else { SIZES[component] }
+        if component == 2 && self.is_steered() {
+            SIZE_PER_M
+        } else {
+            SIZES[component]
+        }
     }
 
     fn step(&self, component: usize) -> f64 {
-        if component == 2 && self.is_steered() { STEP_PER_M } else { STEPS[component] }
+        if component == 2 && self.is_steered() {
+            STEP_PER_M
+        } else {
+            STEPS[component]
+        }
     }
 }
 
@@ -319,8 +334,7 @@ fn solved(mut matrix: [[f64; UNKNOWNS]; UNKNOWNS], mut right: [f64; UNKNOWNS]) -
                 sum -= matrix[row][k] * matrix[column][k];
             }
             if row == column {
-                // False also of what is not a number.
-                if !(sum > 1e-30) {
+                if sum.is_nan() || sum < 1e-30 {
                     return None;
                 }
                 matrix[row][row] = sum.sqrt();

@@ -62,7 +62,11 @@ impl VirtualRobot {
 
     /// A robot at a pose that goes on as it does.
     pub(super) fn lay_along(&mut self, pose: &Pose, twist: &BodyTwist) {
-        let twist = if is_possible(twist) { *twist } else { BodyTwist::default() };
+        let twist = if is_possible(twist) {
+            *twist
+        } else {
+            BodyTwist::default()
+        };
         self.way[0] = Point { pose: *pose, twist };
         for j in 1..=self.ahead {
             self.way[j] = self.next(&self.way[j - 1], &twist);
@@ -73,7 +77,11 @@ impl VirtualRobot {
     ///
     /// - What no robot can do counts as rest; otherwise the acceleration limits of commands hold.
     pub(super) fn step(&mut self, wanted: &BodyTwist) {
-        let wanted = if is_possible(wanted) { *wanted } else { BodyTwist::default() };
+        let wanted = if is_possible(wanted) {
+            *wanted
+        } else {
+            BodyTwist::default()
+        };
         let newest = self.newest();
         let twist = accelerated(&newest.twist, &wanted);
         let next = self.next(&newest, &twist);

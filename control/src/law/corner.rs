@@ -61,7 +61,11 @@ pub fn pieces(corners: &[Vector], drive: Drive) -> Result<Vec<Piece>, usize> {
         }
         let from = Place {
             place_m: pair[0],
-            yaw_rad: if backwards { wrap(yaw_rad + core::f64::consts::PI) } else { yaw_rad },
+            yaw_rad: if backwards {
+                wrap(yaw_rad + core::f64::consts::PI)
+            } else {
+                yaw_rad
+            },
         };
         let ahead = Piece {
             from,
@@ -128,4 +132,30 @@ pub fn start_problem(scenario: &Scenario, i: usize, first_way: Option<Vector>) -
         limit: format!("within {START_LIMIT_RAD} rad of {way_rad:.2} rad"),
         remedy: "turn the start, move the first target, or use a robot that turns in place".into(),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_car_goes_back_with_the_back_first_on_the_way_it_came() {
+        let drive = Drive::Steered {
+            turning_radius_m: 0.5,
+            axle_x_m: -0.12,
+        };
+        let corners = [[0.0, 0.0], [0.0, 1.0], [2.0, 1.0], [0.0, 1.0], [0.0, 0.0]];
+        let pieces = pieces(&corners, drive).expect("a path");
+        assert_eq!(pieces.len(), 6);
+        for (there, back) in pieces.iter().zip(pieces.iter().rev()) {
+            let middle = there.at(0.3 * there.length_m);
+            let same = back.at(0.7 * back.length_m);
+            assert!(length(sub(middle.place_m, same.place_m)) < 1e-9, "{there:?}, {back:?}");
+            assert!(wrap(middle.yaw_rad - same.yaw_rad).abs() < 1e-9);
+            assert_ne!(there.backwards, back.backwards);
+        }
+        for pair in pieces.windows(2) {
+            assert!(length(sub(pair[0].end().place_m, pair[1].from.place_m)) < 1e-9);
+        }
+    }
 }

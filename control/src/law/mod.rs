@@ -33,8 +33,8 @@ use twin::robot::Robot;
 use twin::twist::BodyTwist;
 
 pub use motion::Drive;
-pub use piece::{Piece, Place};
 pub use parameters::{LAWS, LawSpec, ParameterSpec, Parameters, law_spec};
+pub use piece::{Piece, Place};
 pub use push::Push;
 pub use targets::{Owner, TargetRule, YawUse};
 pub use waypoints::path_error_m;

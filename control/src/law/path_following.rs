@@ -295,10 +295,16 @@ struct Way {
 /// The body origin runs along the path and drags the fixed axle, which lies L behind it: with x along the body
 /// `db/dx = k - sin(b) / L`, so `b = L k + (b_0 - L k) exp(-x / L)` for small b. The same holds with the back first, from the end.
 fn outward_at(piece: &Piece, begins_rad: f64, driven_m: f64, drive: Drive) -> f64 {
-    let Drive::Steered { axle_x_m, .. } = drive else { return 0.0 };
+    let Drive::Steered { axle_x_m, .. } = drive else {
+        return 0.0;
+    };
     let lever_m = -axle_x_m;
     let settled_rad = lever_m * piece.curvature_per_m;
-    let x_m = if piece.backwards { piece.length_m - driven_m } else { driven_m };
+    let x_m = if piece.backwards {
+        piece.length_m - driven_m
+    } else {
+        driven_m
+    };
     if lever_m > 0.0 {
         settled_rad + (begins_rad - settled_rad) * libm::exp(-x_m / lever_m)
     } else {

@@ -1,6 +1,6 @@
 //! One run on the emulated plant, on the twin, or of the ideal robot.
 
-use super::course::{Setting, Course, pieces};
+use super::course::{Course, Setting, pieces};
 use super::error::PathError;
 use crate::{LightSettings, Rig, RigSettings};
 use anyhow::{Result, anyhow, ensure};
@@ -131,7 +131,9 @@ pub fn time_rms_m(poses: &[[f64; 3]], ideal: &[[f64; 3]]) -> f64 {
     let rms = |delay: usize| {
         let pairs = poses.iter().enumerate().map(|(k, pose)| {
             let then = k.saturating_sub(delay).min(ideal.len().saturating_sub(1));
-            ideal.get(then).map_or(0.0, |at| (pose[0] - at[0]).powi(2) + (pose[1] - at[1]).powi(2))
+            ideal
+                .get(then)
+                .map_or(0.0, |at| (pose[0] - at[0]).powi(2) + (pose[1] - at[1]).powi(2))
         });
         (pairs.sum::<f64>() / poses.len().max(1) as f64).sqrt()
     };
@@ -164,7 +166,12 @@ pub fn ideal(chassis: &str, course: Course, setting: &Setting) -> Result<(Figure
         Some(Drive::Steered { axle_x_m, .. }) => axle_x_m,
         _ => 0.0,
     };
-    let start = scenario.experiment.robots.first().ok_or_else(|| anyhow!("no robot"))?.start;
+    let start = scenario
+        .experiment
+        .robots
+        .first()
+        .ok_or_else(|| anyhow!("no robot"))?
+        .start;
     let mut pose = [start.x_m, start.y_m, start.yaw_rad];
     let mut tally = Tally::new(&scenario);
     let mut poses = Vec::new();

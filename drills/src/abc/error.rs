@@ -41,7 +41,8 @@ impl PathError {
             let (distance_m, along_m, length_m) = nearest(points, here_m);
             self.driven_m = self.driven_m.max(along_m);
             let next = self.pieces.get(self.active + 1).map(|next| nearest(next, here_m).0);
-            let passed = length_m - self.driven_m <= NEAR_END_M && next.is_some_and(|next_m| next_m <= distance_m + SAME_M);
+            let passed =
+                length_m - self.driven_m <= NEAR_END_M && next.is_some_and(|next_m| next_m <= distance_m + SAME_M);
             if !passed {
                 return distance_m;
             }

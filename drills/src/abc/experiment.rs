@@ -72,7 +72,14 @@ pub struct Outcome {
 
 /// - `setting`: A's, of the grid on the nominal twin.
 /// - `rounds`: on the paper's path; one more on a path that nothing was trained on.
-pub fn run(chassis: &str, number: u64, rounds: u64, seed: u64, setting: &Setting, workers: &dyn Workers) -> Result<Outcome> {
+pub fn run(
+    chassis: &str,
+    number: u64,
+    rounds: u64,
+    seed: u64,
+    setting: &Setting,
+    workers: &dyn Workers,
+) -> Result<Outcome> {
     let scenario = Course::L.scene(chassis, setting)?.scenario()?;
     let robot = scenario.robots.first().context("a robot")?;
     let description = robot.description.clone();
@@ -141,7 +148,14 @@ fn tuned_on_plant(case: &Case<'_>) -> Result<Setting> {
     let rms_m = |setting: &Setting, hidden: &Hidden| -> Result<f64> {
         let mut squares = 0.0;
         for run in 0..TUNING_RUNS {
-            let driven = on_plant(case.chassis, Course::L, setting, hidden, case.seed + 600 + run, &Correction::LookAhead)?;
+            let driven = on_plant(
+                case.chassis,
+                Course::L,
+                setting,
+                hidden,
+                case.seed + 600 + run,
+                &Correction::LookAhead,
+            )?;
             squares += driven.figures.rms_m.powi(2);
         }
         Ok(squares)

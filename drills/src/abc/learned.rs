@@ -99,7 +99,14 @@ impl Case<'_> {
     }
 
     fn measured(&self, course: Course, speed_m_per_s: f64, hidden: &Hidden, seed: u64, reference: bool) -> Result<Run> {
-        let driven = on_plant(self.chassis, course, &self.at(speed_m_per_s), hidden, seed, &Correction::LookAhead)?;
+        let driven = on_plant(
+            self.chassis,
+            course,
+            &self.at(speed_m_per_s),
+            hidden,
+            seed,
+            &Correction::LookAhead,
+        )?;
         let label = format!("{} {speed_m_per_s} {seed}", course.name());
         measured::run(self.description, &driven, &label, reference)
     }
@@ -139,7 +146,13 @@ pub fn learned(case: &Case<'_>, workers: &dyn Workers) -> Result<Learned> {
     ];
     let mut gaps = Vec::new();
     for (k, (course, speed_m_per_s)) in unseen.into_iter().enumerate() {
-        gaps.push(gap(case, course, speed_m_per_s, case.seed + 300 + 10 * k as u64, [&named, &with])?);
+        gaps.push(gap(
+            case,
+            course,
+            speed_m_per_s,
+            case.seed + 300 + 10 * k as u64,
+            [&named, &with],
+        )?);
     }
     let effects = found.model.effects.iter();
     Ok(Learned {
@@ -179,7 +192,14 @@ fn residual(physics: &ModelDocument, runs: &Vec<Run>, workers: &dyn Workers) -> 
 
 fn gap(case: &Case<'_>, course: Course, speed_m_per_s: f64, seed: u64, [named, with]: [&Robot; 2]) -> Result<Gap> {
     let setting = case.at(speed_m_per_s);
-    let driven = on_plant(case.chassis, course, &setting, case.hidden, seed, &Correction::LookAhead)?;
+    let driven = on_plant(
+        case.chassis,
+        course,
+        &setting,
+        case.hidden,
+        seed,
+        &Correction::LookAhead,
+    )?;
     let run = measured::run(case.description, &driven, "unseen", false)?;
     let ahead_m = |robot: &Robot| -> Result<f64> {
         let clock = RobotClock::of(robot.effects());

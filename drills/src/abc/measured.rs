@@ -100,7 +100,8 @@ pub fn run(description: &RobotDescription, driven: &Driven, label: &str, referen
         "format": "robopheus.run/1", "robot": description, "floor": "lab-floor", "label": label,
         "started": "2026-01-01T00:00:00Z", "change_free_reference": reference, "stamp": "sample",
     });
-    let bundle = Bundle::parse(&document.to_string(), table.csv()?.as_bytes()).map_err(|error| anyhow!("{label}: {error}"))?;
+    let bundle =
+        Bundle::parse(&document.to_string(), table.csv()?.as_bytes()).map_err(|error| anyhow!("{label}: {error}"))?;
     Ok(Run {
         path: label.to_owned(),
         sha256: String::new(),

@@ -35,7 +35,14 @@ impl Law for Again {
 /// True poses of a run with the commands of another one.
 ///
 /// - `seed`: of the plant's variation; another one than that of `driven`.
-pub fn again(chassis: &str, course: Course, setting: &Setting, hidden: &Hidden, seed: u64, driven: &Driven) -> Result<Vec<[f64; 3]>> {
+pub fn again(
+    chassis: &str,
+    course: Course,
+    setting: &Setting,
+    hidden: &Hidden,
+    seed: u64,
+    driven: &Driven,
+) -> Result<Vec<[f64; 3]>> {
     let twists = driven.records.iter().filter_map(|record| match record {
         Record::Command(command) if command.target_m.is_some() => Some(BodyTwist {
             forward_m_per_s: command.twist[0],
@@ -44,7 +51,9 @@ pub fn again(chassis: &str, course: Course, setting: &Setting, hidden: &Hidden, 
         }),
         _ => None,
     });
-    let law = Again { twists: twists.collect() };
+    let law = Again {
+        twists: twists.collect(),
+    };
     let ticks = law.twists.len();
     let scene = course.scene(chassis, setting)?;
     let mut settings = plant_settings(hidden, seed);

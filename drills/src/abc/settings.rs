@@ -28,7 +28,11 @@ pub fn grid(steered: bool, speed_m_per_s: f64) -> Vec<Setting> {
         for integral_gain_per_s2 in INTEGRAL_GAINS_PER_S2 {
             for derivative_gain in DERIVATIVE_GAINS {
                 for yaw_gain_per_s in YAW_GAINS_PER_S {
-                    let starts = if steered { &START_YAWS_RAD[..1] } else { &START_YAWS_RAD[..] };
+                    let starts = if steered {
+                        &START_YAWS_RAD[..1]
+                    } else {
+                        &START_YAWS_RAD[..]
+                    };
                     settings.extend(starts.iter().map(|start_yaw_rad| Setting {
                         speed_m_per_s,
                         distance_gain_per_s,
@@ -68,7 +72,9 @@ pub fn best_on_twin(chassis: &str, threads: usize) -> Result<Setting> {
 
 /// By chassis.
 pub fn all(threads: usize) -> Result<BTreeMap<String, Setting>> {
-    let each = CHASSIS.iter().map(|chassis| Ok(((*chassis).to_owned(), best_on_twin(chassis, threads)?)));
+    let each = CHASSIS
+        .iter()
+        .map(|chassis| Ok(((*chassis).to_owned(), best_on_twin(chassis, threads)?)));
     each.collect()
 }
 

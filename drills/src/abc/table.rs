@@ -6,10 +6,13 @@ const PIXELS_PER_M: f64 = 400.0;
 
 /// Prints everything; `true` when B and C hold everywhere.
 pub fn print(outcomes: &[Outcome]) -> bool {
-    println!("Experiments A, A+, B, C. mm; `path`: RMS (largest) distance to the active piece of the path; band +-75 mm (30 px).");
+    println!(
+        "Experiments A, A+, B, C. mm; `path`: RMS (largest) distance to the active piece of the path; band +-75 mm (30 px)."
+    );
     println!("Paper: A leaves the band by far (> 91 px = 228 mm, > 120 px = 300 mm); C about 300 % better.");
     let head = [
-        "chassis", "floor", "course", "speed", "A twin", "A plant", "A+", "usual", "C", "no bias", "nominal", "A/C", "A+/C", "C time", "",
+        "chassis", "floor", "course", "speed", "A twin", "A plant", "A+", "usual", "C", "no bias", "nominal", "A/C",
+        "A+/C", "C time", "",
     ];
     println!();
     line(&head.map(str::to_owned));
@@ -41,7 +44,9 @@ pub fn print(outcomes: &[Outcome]) -> bool {
         }
     }
     println!();
-    println!("B: position 2 s ahead of unseen runs, RMS, mm: nominal twin -> named effects -> with the residual; run to run");
+    println!(
+        "B: position 2 s ahead of unseen runs, RMS, mm: nominal twin -> named effects -> with the residual; run to run"
+    );
     for outcome in outcomes {
         for gap in &outcome.gaps {
             holds &= gap.holds();
