@@ -66,6 +66,18 @@ pub struct Control {
     /// Parameters of the law; see the user guide for names, units and ranges.
     #[cfg_attr(feature = "openapi", schema(value_type = Object))]
     pub parameters: serde_json::Value,
+    /// Correction of the commands by the robots' models, in the mode `interactive`; off when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub interaction: Option<Interaction>,
+}
+
+/// Correction of the commands by the robots' models.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct Interaction {
+    /// How far ahead the models look, s: 0.1 to 0.5.
+    pub horizon_s: f64,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

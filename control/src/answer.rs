@@ -109,6 +109,18 @@ fn turn(robot: &Robot) -> (BodyTwist, BodyTwist) {
     }
 }
 
+/// Share of the yaw rate that a robot is told which it turns at last, in a small turn; 0 for one that does not turn.
+pub(crate) fn turn_share(robot: &Robot) -> f64 {
+    let (before, turning) = turn(robot);
+    let mut free = FreeRobot::at_rest(robot, Pose::default());
+    for twist in [before, turning] {
+        let command = robot.wheel_speeds(twist);
+        (0..WATCHED_STEPS).for_each(|_| free.step(&command));
+    }
+    let share = free.state().twist.yaw_rate_rad_per_s / turning.yaw_rate_rad_per_s;
+    if share.is_finite() { share } else { 0.0 }
+}
+
 /// - `share`: of what is asked, from the twist.
 fn delay_s(robot: &Robot, before: BodyTwist, after: BodyTwist, share: impl Fn(&BodyTwist) -> f64) -> f64 {
     let mut free = FreeRobot::at_rest(robot, Pose::default());

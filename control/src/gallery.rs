@@ -301,6 +301,7 @@ fn scenario_json(name: &str, duration_s: f64, rows: &[Row]) -> String {
             control: Control {
                 law: PUSH.into(),
                 parameters: serde_json::json!({ "twists": twists }),
+                interaction: None,
             },
             targets: Vec::new(),
             duration_s,

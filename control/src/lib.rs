@@ -12,6 +12,7 @@
 pub mod answer;
 pub mod effectiveness;
 pub mod gallery;
+pub mod interaction;
 pub mod law;
 pub mod prediction;
 pub mod rehearsal;

@@ -37,9 +37,9 @@ const FASTEST: f64 = 100.0;
 
 /// A place and a heading, or a motion from one to another.
 #[derive(Debug, Clone, Copy, Default)]
-struct Motion {
-    at: Vector,
-    yaw_rad: f64,
+pub(crate) struct Motion {
+    pub(crate) at: Vector,
+    pub(crate) yaw_rad: f64,
 }
 
 #[derive(Debug, Clone, Copy, Default)]
@@ -105,6 +105,11 @@ impl Predictor {
                 turning_s: answer.turning_s.clamp(driving_s, LONGEST_ANSWER_S),
             }
         });
+    }
+
+    /// Delay of link and robot; `None` when the predictor is off.
+    pub(crate) fn answer(&self) -> Option<Answer> {
+        self.answer
     }
 
     /// A command has gone out; it holds until the next one, a tick later. What no robot can do counts as rest.
@@ -228,7 +233,7 @@ impl Predictor {
 }
 
 /// False also of what is not a number.
-fn is_possible(twist: &BodyTwist) -> bool {
+pub(crate) fn is_possible(twist: &BodyTwist) -> bool {
     [twist.forward_m_per_s, twist.left_m_per_s, twist.yaw_rate_rad_per_s]
         .into_iter()
         .all(|part| part.abs() < FASTEST)
@@ -251,7 +256,7 @@ fn difference(a: &BodyTwist, b: &BodyTwist) -> BodyTwist {
 }
 
 /// `from exp(twist time)`: the chord of the arc, half of its angle ahead.
-fn after(from: &Motion, twist: &BodyTwist, time_s: f64) -> Motion {
+pub(crate) fn after(from: &Motion, twist: &BodyTwist, time_s: f64) -> Motion {
     let angle_rad = twist.yaw_rate_rad_per_s * time_s;
     let half_rad = 0.5 * angle_rad;
     // sin(h) / h = 1 - h^2 / 6: below 1e-8 the difference is lost in rounding.
@@ -269,7 +274,7 @@ fn after(from: &Motion, twist: &BodyTwist, time_s: f64) -> Motion {
 }
 
 /// `from^-1 to`.
-fn between(from: &Motion, to: &Motion) -> Motion {
+pub(crate) fn between(from: &Motion, to: &Motion) -> Motion {
     let [c, s] = heading(from.yaw_rad);
     let (dx, dy) = (to.at[0] - from.at[0], to.at[1] - from.at[1]);
     Motion {
@@ -279,7 +284,7 @@ fn between(from: &Motion, to: &Motion) -> Motion {
 }
 
 /// `pose way`.
-fn moved(pose: &Pose, way: &Motion) -> Pose {
+pub(crate) fn moved(pose: &Pose, way: &Motion) -> Pose {
     let [c, s] = heading(pose.yaw_rad);
     Pose {
         x_m: pose.x_m + c * way.at[0] - s * way.at[1],

@@ -6,9 +6,11 @@ use twin::twist::BodyTwist;
 
 use crate::TICK_S;
 use crate::answer::{Answer, assumed_latency_s};
+use crate::interaction::{Interaction, Settings};
 pub use crate::law::RobotObservation;
 use crate::law::{self, Body, Demand, Drive, Goal, Law, Observation, Parameters};
 use crate::prediction::Predictor;
+use crate::rehearsal::modelled;
 use crate::safety::{Deadlock, FilterBody, Filtered, Geofence, Intervention, Limits, SafeCommand, SafetyFilter};
 use crate::scenario::{FieldProblem, Scenario};
 use crate::vector::{add, clip, sub};
@@ -49,6 +51,8 @@ pub struct Team {
     predictors: Vec<Predictor>,
     /// Of the robots as described.
     described: Vec<Answer>,
+    /// By robot; empty without correction.
+    interactions: Vec<Interaction>,
     /// What the law sees.
     seen: Vec<RobotObservation>,
     demands: Vec<Demand>,
@@ -60,14 +64,19 @@ pub struct Team {
 }
 
 impl Team {
-    /// Control for a scenario that passes its checks.
+    /// Control for a scenario that passes its checks; with the interaction where its experiment asks for it, by the model versions
+    /// of its robots.
     pub fn new(scenario: &Scenario) -> Result<Team, Vec<FieldProblem>> {
         let problems = scenario.check();
         if !problems.is_empty() {
             return Err(problems);
         }
         let law = law::build(scenario).ok_or_else(|| vec![no_law(&scenario.experiment.control.law)])?;
-        Team::with_law(scenario, law)
+        let team = Team::with_law(scenario, law)?;
+        match scenario.interaction() {
+            Some(settings) => Ok(team.with_interaction(&modelled(scenario)?, settings)),
+            None => Ok(team),
+        }
     }
 
     /// Control for a scenario with a law of one's own in place of the one it names; other rules are not checked.
@@ -107,6 +116,7 @@ impl Team {
             filter,
             predictors: bodies.iter().map(|body| Predictor::new(axle_x_m(body.drive))).collect(),
             described,
+            interactions: Vec::new(),
             seen: Vec::with_capacity(bodies.len()),
             demands: vec![Demand::default(); bodies.len()],
             wanted: vec![BodyTwist::default(); bodies.len()],
@@ -130,6 +140,12 @@ impl Team {
         let predicted = self.predictors.iter_mut().zip(observations);
         self.seen
             .extend(predicted.map(|(predictor, seen)| predictor.predict(seen)));
+        let corrected = self.interactions.iter_mut().zip(&self.predictors).zip(observations);
+        for (slot, ((interaction, predictor), seen)) in self.seen.iter_mut().zip(corrected) {
+            if let Some(ideal) = interaction.observe(seen, predictor.answer()) {
+                *slot = ideal;
+            }
+        }
         let observation = Observation {
             arena_m: self.arena_m,
             tick: self.tick,
@@ -142,6 +158,12 @@ impl Team {
         let wishes = self.demands.iter().zip(&self.predictors).zip(&self.outputs);
         for (wanted, ((demand, predictor), last)) in self.wanted.iter_mut().zip(wishes) {
             *wanted = accelerated(&last.safe.twist(), &predictor.command(&demand.twist));
+        }
+        let corrected = self.interactions.iter_mut().zip(&self.demands).zip(&self.outputs);
+        for (wanted, ((interaction, demand), last)) in self.wanted.iter_mut().zip(corrected) {
+            if let Some(command) = interaction.command(&demand.twist) {
+                *wanted = accelerated(&last.safe.twist(), &command);
+            }
         }
         for (intended, demand) in self.intended.iter_mut().zip(&self.demands) {
             *intended = demand.twist;
@@ -169,6 +191,7 @@ impl Team {
             out.safe = late.command;
             out.intervention = late.intervention;
         }
+        self.interactions.iter_mut().for_each(Interaction::doubt);
         self.note_sent();
         self.tick += 1;
         &self.outputs
@@ -204,6 +227,33 @@ impl Team {
         self
     }
 
+    /// Takes [`Self::learning`] back.
+    #[must_use]
+    pub fn without_learning(mut self) -> Team {
+        for (predictor, body) in self.predictors.iter_mut().zip(&self.bodies) {
+            *predictor = Predictor::new(axle_x_m(body.drive));
+        }
+        self
+    }
+
+    /// Corrects the commands of all robots by models of them ([`crate::interaction`]); off until then, and while a robot's answer
+    /// is not known ([`Self::set_answer`]).
+    ///
+    /// - `models`: in the order of the experiment's robots; robots beyond their number are not corrected.
+    #[must_use]
+    pub fn with_interaction(mut self, models: &[Robot], settings: Settings) -> Team {
+        let robots = models.iter().zip(&self.bodies);
+        self.interactions = robots
+            .map(|(model, body)| Interaction::new(model, body.drive, settings))
+            .collect();
+        self
+    }
+
+    /// The corrections, in the order of the experiment's robots; empty without any.
+    pub fn interactions(&self) -> &[Interaction] {
+        &self.interactions
+    }
+
     /// What the law saw on the last tick.
     pub fn seen(&self) -> &[RobotObservation] {
         &self.seen
@@ -213,6 +263,9 @@ impl Team {
     fn note_sent(&mut self) {
         for (predictor, out) in self.predictors.iter_mut().zip(&self.outputs) {
             predictor.sent(&out.safe.twist());
+        }
+        for (interaction, out) in self.interactions.iter_mut().zip(&self.outputs) {
+            interaction.sent(&out.safe, out.intervention.as_ref());
         }
     }
 
@@ -268,6 +321,7 @@ impl Team {
             out.safe = stop.command;
             out.intervention = stop.intervention;
         }
+        self.interactions.iter_mut().for_each(Interaction::doubt);
         self.note_sent();
         &self.outputs
     }
@@ -318,7 +372,7 @@ fn output(filtered: &Filtered, demand: &Demand) -> TeamOutput {
 }
 
 /// `desired`, no further from the last command than the acceleration limits allow.
-fn accelerated(last: &BodyTwist, desired: &BodyTwist) -> BodyTwist {
+pub(crate) fn accelerated(last: &BodyTwist, desired: &BodyTwist) -> BodyTwist {
     let from = [last.forward_m_per_s, last.left_m_per_s];
     let change = clip(
         sub([desired.forward_m_per_s, desired.left_m_per_s], from),

@@ -164,11 +164,12 @@ fn wrong_counts_are_refused_by_field() {
 
 #[test]
 fn what_a_car_like_robot_cannot_drive_is_refused_and_others_may() {
+    let sharp = json!([at(0, 0.0, 0.0), at(0, -0.4, 0.6)]);
     let back = json!([at(0, 0.0, 0.0), at(0, -1.0, 0.1)]);
     let behind = json!([at(0, -3.0, 0.0)]);
     let hook = json!([at(0, -1.0, 0.0), at(0, -1.1, 0.5), at(0, -1.9, 0.4)]);
     for (law, targets, field) in [
-        ("path_following", &back, "targets"),
+        ("path_following", &sharp, "targets"),
         ("path_following", &behind, "robots[0].start.yaw_rad"),
         ("trajectory_tracking", &hook, "targets"),
         ("trajectory_tracking", &behind, "robots[0].start.yaw_rad"),
@@ -181,6 +182,8 @@ fn what_a_car_like_robot_cannot_drive_is_refused_and_others_may() {
             "{law} {targets}"
         );
     }
+    // It changes gear there.
+    assert_eq!(fields("path_following", json!({}), "rwd", 1, back), [""; 0]);
 }
 
 /// Nothing holds a robot on two omni wheels across their axis, so no law may have it.

@@ -47,6 +47,33 @@ fn a_controller_that_cannot_drive_the_chassis_is_refused_with_the_budget() {
 }
 
 #[test]
+fn a_horizon_outside_of_its_range_is_refused_and_without_one_nothing_is_corrected() {
+    let with = |mode: &str, interaction: Value| {
+        let mut document = example("rectangle-omni4");
+        document["experiment"]["mode"] = json!(mode);
+        document["experiment"]["control"]["interaction"] = interaction;
+        document
+    };
+    for horizon_s in [0.0, 0.09, 0.51, -1.0, 1e300] {
+        let found = fields(&with("interactive", json!({"horizon_s": horizon_s})));
+        assert_eq!(found, ["control.interaction.horizon_s"], "{horizon_s}");
+    }
+    assert_eq!(
+        fields(&with("interactive", json!({"horizon": 0.3}))),
+        ["control.interaction.horizon"]
+    );
+    for (mode, interaction, robots) in [
+        ("interactive", json!({"horizon_s": 0.3}), 1),
+        ("interactive", Value::Null, 0),
+        ("physical", json!({"horizon_s": 0.3}), 0),
+    ] {
+        let scenario = Scenario::from_json(&with(mode, interaction).to_string()).expect("a scenario");
+        let team = control::team::Team::new(&scenario).expect("a team");
+        assert_eq!(team.interactions().len(), robots, "{mode}");
+    }
+}
+
+#[test]
 fn each_rule_names_its_field() {
     let one = "rectangle-omni4";
     let four = "swap-corners";

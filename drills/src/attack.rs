@@ -1,12 +1,15 @@
 //! One adversarial run on the emulated plant, made from numbers between 0 and 1: so that it can be drawn, and searched.
 
 use crate::hostile::{Hostile, WISH_GENES};
-use crate::liar::Liar;
+use crate::liar::{Liar, lying_model};
 use crate::{AirSettings, LightSettings, Rig, RigSettings, Scene, SceneRobot};
-use anyhow::Result;
+use anyhow::{Result, anyhow};
+use control::interaction::Settings;
 use control::law::Law;
+use control::team::Team;
 use emulator::hidden::{FrictionPatch, Hidden, HiddenFloor, HiddenRobot};
 use emulator::noise::Noise;
+use twin::robot::Robot;
 
 /// Chassis of the examples.
 pub const CHASSIS: [&str; 6] = ["omni4", "diff2", "diff4", "fwd", "rwd", "awd"];
@@ -205,6 +208,24 @@ impl Attack {
         self.run_watched(false, |_| {})
     }
 
+    /// A liar's robots are corrected by models that lie as well, in every second run.
+    fn rig(&self, scene: &Scene) -> Result<Rig> {
+        if !self.liar || self.seed % 2 == 0 {
+            return Rig::with_law(scene, &self.settings(), self.law());
+        }
+        let scenario = scene.scenario()?;
+        let refused = |problems| anyhow!("{problems:?}");
+        let described = control::team::robots(&scenario).map_err(refused)?;
+        let models: Vec<Robot> = described
+            .iter()
+            .enumerate()
+            .map(|(place, robot)| lying_model(robot, self.seed ^ (place as u64 * 7919)))
+            .collect::<Result<_>>()?;
+        let team = Team::with_law(&scenario, self.law()).map_err(refused)?;
+        let team = team.with_interaction(&models, Settings::default());
+        Rig::with_team(scene, &self.settings(), &scenario, team)
+    }
+
     /// The run, looked at after every control tick.
     ///
     /// - `keep_records`: the rig keeps what the laboratory wrote down for `look`, which may take it.
@@ -218,7 +239,7 @@ impl Attack {
             })
             .collect();
         let scene = Scene::mixed(&self.chassis, &robots, self.seconds)?;
-        let mut rig = Rig::with_law(&scene, &self.settings(), self.law())?;
+        let mut rig = self.rig(&scene)?;
         rig.keep_records = keep_records;
         let fault = Fault::of(self);
         let mut late = Noise::new(self.seed, 0x01A7E);

@@ -1,8 +1,12 @@
-//! A control law whose every second word is garbage: S13.
+//! A control law whose every second word is garbage, and models that say what is not so: S13.
 
 use crate::hostile::Hostile;
+use anyhow::{Result, anyhow};
 use control::law::{Demand, Law, Observation};
 use emulator::noise::Noise;
+use twin::effect::Effect;
+use twin::residual::{Activation, Input, Layer, OUTPUTS, Output, ResidualDocument};
+use twin::robot::Robot;
 use twin::twist::BodyTwist;
 
 /// What a broken program writes.
@@ -48,6 +52,46 @@ impl Liar {
             _ => value,
         }
     }
+}
+
+/// A model of a robot that says what is not so: it drives the other way, is pushed about, hardly grips, or rolls on other wheels.
+pub fn lying_model(robot: &Robot, seed: u64) -> Result<Robot> {
+    let mut description = robot.description().clone();
+    let mut effects = Vec::new();
+    let mut residual = None;
+    match seed % 5 {
+        0 => {
+            for wheel in &mut description.wheels {
+                wheel.rolling_direction_rad += std::f64::consts::PI;
+            }
+        }
+        1 => residual = Some(pushing()),
+        2 => effects.push(Effect::new("floor_friction", &[("scale", 0.1)])),
+        3 => {
+            for wheel in &mut description.wheels {
+                wheel.radius_m = wheel.radius_m.map(|radius_m| 2.5 * radius_m);
+            }
+        }
+        _ => effects.push(Effect::new("command_delay", &[("delay", 0.2)])),
+    }
+    Robot::with_model(description, &effects, residual.as_ref())
+        .map_err(|problem| anyhow!("{}: {}", problem.field, problem.message))
+}
+
+/// As much acceleration as a residual may have, whatever the robot does.
+fn pushing() -> ResidualDocument {
+    let outputs = OUTPUTS.map(|(name, _, limit)| Output {
+        name: name.to_owned(),
+        scale: 2.0 * limit,
+        limit,
+    });
+    let layer = Layer {
+        weights: vec![0.0; OUTPUTS.len()],
+        bias: vec![1.0; OUTPUTS.len()],
+        activation: Activation::Linear,
+    };
+    let input = Input::new("forward_m_per_s", -10.0, 10.0);
+    ResidualDocument::new(vec![input], 0.25, vec![layer], outputs.to_vec())
 }
 
 impl Law for Liar {

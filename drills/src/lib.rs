@@ -6,6 +6,7 @@
 //!                                                  ^------------------- telemetry (the same air) <-----------'
 //! ```
 
+pub mod abc;
 pub mod adversary;
 pub mod agent;
 mod air;

@@ -47,6 +47,8 @@ enum Drill {
     Strangers(Runs),
     /// Laws with and without looking ahead at total delays of 20, 50 and 80 ms, so many runs of each
     Tracking(Runs),
+    /// The paper's experiments A, A+, B and C; a table, and everything as JSON
+    Abc(Abc),
     /// Localisation on rendered video with twelve moving tags
     Sight {
         #[arg(long, default_value_t = 6000)]
@@ -54,6 +56,33 @@ enum Drill {
         #[arg(long, default_value_t = 1)]
         seed: u64,
     },
+}
+
+/// What of the paper's experiments.
+#[derive(Debug, Clone, clap::Args)]
+struct Abc {
+    /// All six when left out
+    #[arg(long)]
+    chassis: Vec<String>,
+    /// Hidden floors of each
+    #[arg(long, default_value_t = 3)]
+    floors: u64,
+    /// Number of the first floor
+    #[arg(long, default_value_t = 0)]
+    first: u64,
+    /// On the paper's path
+    #[arg(long, default_value_t = 2)]
+    rounds: u64,
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    #[arg(long, default_value_t = 2)]
+    threads: usize,
+    /// Writes everything here
+    #[arg(long)]
+    json: Option<std::path::PathBuf>,
+    /// Writes A's settings, the best of the grid on the nominal twin, here; drives no plant
+    #[arg(long)]
+    settings: Option<std::path::PathBuf>,
 }
 
 /// How many runs, and which.
@@ -108,9 +137,42 @@ fn main() -> Result<ExitCode> {
             let lines = tracking::run(runs.or(4), runs.seed, runs.threads, &tracking::Course::ALL)?;
             tracking::print(&lines)
         }
+        Drill::Abc(arguments) => abc(&arguments)?,
         Drill::Sight { frames, seed } => sight(frames, seed)?,
     };
     Ok(ExitCode::from(u8::from(!holds)))
+}
+
+fn abc(arguments: &Abc) -> Result<bool> {
+    use drills::abc::{experiment, learned::Threads, settings, table};
+    if let Some(path) = &arguments.settings {
+        let text = serde_json::to_string_pretty(&settings::all(arguments.threads)?)?;
+        std::fs::write(path, text + "\n")?;
+        return Ok(true);
+    }
+    let chosen = settings::committed()?;
+    let mut outcomes = Vec::new();
+    for (chassis, setting) in &chosen {
+        if !(arguments.chassis.is_empty() || arguments.chassis.contains(chassis)) {
+            continue;
+        }
+        for floor in arguments.first..arguments.first + arguments.floors {
+            let clock = std::time::Instant::now();
+            let workers = Threads(arguments.threads);
+            let mut outcome = experiment::run(chassis, floor, arguments.rounds, arguments.seed, setting, &workers)?;
+            outcome.seconds = clock.elapsed().as_secs_f64();
+            eprintln!(
+                "{chassis}, floor {floor}: {:.0} s; {}",
+                outcome.seconds, outcome.sentence
+            );
+            eprintln!("  {}; {}", outcome.effects.join(", "), outcome.residual);
+            outcomes.push(outcome);
+            if let Some(path) = &arguments.json {
+                std::fs::write(path, serde_json::to_string_pretty(&outcomes)? + "\n")?;
+            }
+        }
+    }
+    Ok(table::print(&outcomes))
 }
 
 /// Paper's time for finding the tags of one picture.

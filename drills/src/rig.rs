@@ -138,7 +138,8 @@ impl Rig {
         Self::with_team(scene, settings, scenario, team)
     }
 
-    fn with_team(scene: &Scene, settings: &RigSettings, scenario: &Scenario, team: Team) -> Result<Self> {
+    /// As [`Self::new`] with a team made elsewhere for the scenario.
+    pub fn with_team(scene: &Scene, settings: &RigSettings, scenario: &Scenario, team: Team) -> Result<Self> {
         let limits: Vec<RobotLimits> = control::team::robots(scenario)
             .map_err(refused)?
             .iter()
@@ -222,7 +223,12 @@ impl Rig {
             pilot: Pilot::new(Team::new(scenario).map_err(refused)?, Vec::new(), 0, settings.begin_us),
         };
         let seen = rig.prepare(&limits)?;
-        rig.pilot = Pilot::new(team, seen, duration_ticks, rig.now_us()).looking_ahead(settings.looks_ahead);
+        let pilot = Pilot::new(team, seen, duration_ticks, rig.now_us()).looking_ahead(settings.looks_ahead);
+        rig.pilot = if settings.learns {
+            pilot
+        } else {
+            pilot.without_learning()
+        };
         rig.motion_plant_tick = rig.plant_ticks;
         Ok(rig)
     }

@@ -145,6 +145,18 @@ impl Pilot {
         self
     }
 
+    /// Nothing is learnt of the robots during the run, in place of the share of its yaw rate that each turns (the default).
+    #[must_use]
+    pub fn without_learning(mut self) -> Self {
+        self.team = self.team.without_learning();
+        self
+    }
+
+    /// The laws' team.
+    pub fn team(&self) -> &Team {
+        &self.team
+    }
+
     /// Numbers the ticks of the records from here instead of 0.
     #[must_use]
     pub fn numbered_from(mut self, first_tick: i64) -> Self {

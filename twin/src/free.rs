@@ -73,6 +73,36 @@ impl FreeRobot {
         free
     }
 
+    /// Takes over what `other` is and remembers, without allocating; both must be made from the same robot. A robot with a
+    /// motor controller of its own allocates.
+    pub fn copy_from(&mut self, other: &FreeRobot) {
+        self.state = other.state;
+        self.steps = other.steps;
+        self.refinement = other.refinement;
+        match (&mut self.runtime, &other.runtime) {
+            (Some(own), Some(other)) => own.copy_from(other),
+            (own, other) => own.clone_from(other),
+        }
+    }
+
+    /// Lays the robot elsewhere; how it moves and what it remembers stay as they are.
+    pub fn lay(&mut self, pose: Pose) {
+        let at_rest = BodyState::at_rest(self.model_now(), pose);
+        let state = &mut self.state;
+        (state.x_m, state.y_m, state.yaw_rad) = (at_rest.x_m, at_rest.y_m, at_rest.yaw_rad);
+        (state.cos_yaw, state.sin_yaw) = (at_rest.cos_yaw, at_rest.sin_yaw);
+    }
+
+    /// Pose of the body origin after the last step.
+    pub fn pose(&self) -> Pose {
+        let (x_m, y_m) = self.state.origin_m(self.model_now());
+        Pose {
+            x_m,
+            y_m,
+            yaw_rad: self.state.yaw_rad,
+        }
+    }
+
     /// Lets the effects of commands (delay, lag, slew) remember that `command` has been in force for long.
     pub fn after_holding(mut self, command: &WheelCommand) -> FreeRobot {
         if let Some(runtime) = &mut self.runtime {
@@ -219,4 +249,72 @@ fn sample_controls(model: &Model, state: &mut BodyState, command: &WheelCommand)
     let driven = model.fixed.driven();
     state.integral[..LANES].copy_from_slice(&(driven * integral).to_array());
     state.voltage[..LANES].copy_from_slice(&(driven * voltage).to_array());
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effect::Effect;
+    use crate::residual::ResidualDocument;
+    use crate::robot::RobotDescription;
+
+    /// A robot with stages, laws and a controller that remember.
+    fn remembering() -> Robot {
+        let text = include_str!("../../examples/robots/rwd-sam3x.json");
+        let document: serde_json::Value = serde_json::from_str(text).expect("a document");
+        let description: RobotDescription = serde_json::from_value(document["robot"].clone()).expect("a robot");
+        let effects = [
+            Effect::new("command_delay", &[("delay", 0.03)]),
+            Effect::new("motor_lag", &[("time_constant", 0.05)]),
+            Effect::new("steering_backlash", &[("play", 0.05)]),
+            Effect::new("center_of_mass_offset", &[("x", 0.02), ("y", 0.01)]),
+        ];
+        let residual: Option<&ResidualDocument> = None;
+        Robot::with_model(description, &effects, residual).expect("a robot")
+    }
+
+    #[test]
+    fn a_copy_goes_on_as_the_original_wherever_it_was_before() {
+        let robot = remembering();
+        let command = |tick: u32| {
+            robot.wheel_speeds(BodyTwist {
+                forward_m_per_s: 0.4,
+                yaw_rate_rad_per_s: 0.5 * libm::sin(0.05 * f64::from(tick)),
+                ..BodyTwist::default()
+            })
+        };
+        let mut original = FreeRobot::at_rest(&robot, Pose::default());
+        let mut copy = FreeRobot::at_rest(&robot, Pose::default());
+        (0..301).for_each(|tick| original.step(&command(tick)));
+        (0..77).for_each(|tick| copy.step(&command(3 * tick)));
+        copy.copy_from(&original);
+        for tick in 301..900 {
+            original.step(&command(tick));
+            copy.step(&command(tick));
+            assert_eq!(copy.state(), original.state(), "step {tick}");
+        }
+    }
+
+    #[test]
+    fn a_robot_that_is_laid_elsewhere_moves_on_as_before() {
+        let robot = remembering();
+        let command = robot.wheel_speeds(BodyTwist {
+            forward_m_per_s: 0.5,
+            yaw_rate_rad_per_s: 0.4,
+            ..BodyTwist::default()
+        });
+        let mut free = FreeRobot::at_rest(&robot, Pose::default());
+        (0..200).for_each(|_| free.step(&command));
+        let there = Pose {
+            x_m: -1.0,
+            y_m: 0.7,
+            yaw_rad: 2.0,
+        };
+        let before = free.state();
+        free.lay(there);
+        let after = free.state();
+        assert!(after.pose.distance_m(&there) < 1e-12 && after.pose.yaw_rad == 2.0);
+        assert_eq!(free.pose(), after.pose);
+        assert_eq!(after.twist, before.twist);
+    }
 }

@@ -16,10 +16,12 @@ const EDGES: &[(&str, &[&str])] = &[
     ("bundles", &["identify"]),
     ("client", &["api", "bundles", "control", "identify", "twin"]),
     ("control", &["twin"]),
-    // The laboratory in virtual time: its own code against the plant.
+    // The laboratory in virtual time: its own code against the plant; for the paper's experiments what learns from its runs, too.
     (
         "drills",
-        &["api", "control", "emulator", "lab", "localise", "robot", "twin"],
+        &[
+            "api", "control", "emulator", "identify", "lab", "learn", "localise", "robot", "twin",
+        ],
     ),
     ("emulator", &["api", "robot"]),
     ("identify", &["twin"]),

@@ -1,6 +1,7 @@
 //! Benchmarks. What they mean is in `docs/speed.md`.
 
 mod identify;
+mod interaction;
 mod lab;
 mod twin;
 
@@ -24,6 +25,8 @@ enum Subject {
     Lab(lab::LabArguments),
     /// CPU seconds of a diagnosis of ten minutes of logs on one core, by stage
     Identify(identify::IdentifyArguments),
+    /// A whole control tick with ten robots that their models correct
+    Interaction,
 }
 
 /// `cargo xtask bench`.
@@ -32,6 +35,7 @@ pub fn bench(arguments: &BenchArguments) -> Result<End> {
         Some(Subject::Twin(arguments)) => twin::bench(arguments),
         Some(Subject::Lab(arguments)) => lab::bench(arguments),
         Some(Subject::Identify(arguments)) => identify::bench(arguments),
+        Some(Subject::Interaction) => interaction::bench(),
         None => {
             let end = twin::bench(&twin::TwinArguments::default())?;
             if end != End::Good {
@@ -41,7 +45,11 @@ pub fn bench(arguments: &BenchArguments) -> Result<End> {
             if end != End::Good {
                 return Ok(end);
             }
-            identify::bench(&identify::IdentifyArguments::default())
+            let end = identify::bench(&identify::IdentifyArguments::default())?;
+            if end != End::Good {
+                return Ok(end);
+            }
+            interaction::bench()
         }
     }
 }

@@ -1,5 +1,6 @@
 //! `cargo xtask demo`: what the product does, shown on the emulated laboratory.
 
+use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::{Result, bail};
@@ -21,6 +22,26 @@ pub struct DemoArguments {
 enum Subject {
     /// Hide effects in the emulated robots, let the service find, name and add them; a table (docs/how-to/find-an-effect.md)
     Gap(GapArguments),
+    /// The paper's experiments A, A+, B and C on hidden floors of the emulated plant, in virtual time; a table (docs/interaction.md)
+    Abc(AbcArguments),
+}
+
+#[derive(Args)]
+struct AbcArguments {
+    /// Only these chassis
+    #[arg(long, value_name = "NAME")]
+    chassis: Vec<String>,
+    /// Hidden floors of each
+    #[arg(long, default_value_t = 3)]
+    floors: u64,
+    /// Rounds on the paper's path
+    #[arg(long, default_value_t = 2)]
+    rounds: u64,
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Writes everything here as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
 }
 
 #[derive(Args)]
@@ -37,6 +58,7 @@ struct GapArguments {
 pub fn demo(arguments: &DemoArguments) -> Result<End> {
     match &arguments.subject {
         Subject::Gap(arguments) => gap(arguments),
+        Subject::Abc(arguments) => abc(arguments),
     }
 }
 
@@ -61,4 +83,37 @@ fn gap(arguments: &GapArguments) -> Result<End> {
         Some(_) => Ok(End::Failed),
         None => bail!("the demonstration took longer than {} min", LIMIT.as_secs() / 60),
     }
+}
+
+fn abc(arguments: &AbcArguments) -> Result<End> {
+    let mut command = run::cargo([
+        "run",
+        "--quiet",
+        "--locked",
+        "--package",
+        "drills",
+        "--bin",
+        "robopheus-drills",
+        "--",
+        "abc",
+    ]);
+    for chassis in &arguments.chassis {
+        command.args(["--chassis", chassis]);
+    }
+    let numbers = [
+        ("--floors", arguments.floors),
+        ("--rounds", arguments.rounds),
+        ("--seed", arguments.seed),
+    ];
+    for (name, number) in numbers {
+        command.arg(name).arg(number.to_string());
+    }
+    if let Some(path) = &arguments.json {
+        command.arg("--json").arg(path);
+    }
+    Ok(if command.status()?.success() {
+        End::Good
+    } else {
+        End::Failed
+    })
 }

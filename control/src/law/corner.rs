@@ -9,6 +9,8 @@ use crate::vector::{Vector, direction, length, sub, wrap};
 const SAME_M: f64 = 0.012;
 /// Arcs of car-like robots are wider than the tightest by this factor.
 const RADIUS_SHARE: f64 = 1.15;
+/// A car-like robot changes gear where the path turns back by more than this.
+const CUSP_RAD: f64 = 2.6;
 /// A car-like robot must start along its path within this angle.
 const START_LIMIT_RAD: f64 = 0.8;
 
@@ -35,10 +37,12 @@ fn tightest_m(drive: Drive) -> Option<f64> {
     }
 }
 
-/// Lines, and for car-like robots arcs in the corners; `Err`: number of the corner that is too sharp.
+/// Lines, and for car-like robots arcs in the corners; where the path turns back they go on with the back first. `Err`: number
+/// of the corner that is too sharp.
 pub fn pieces(corners: &[Vector], drive: Drive) -> Result<Vec<Piece>, usize> {
     let mut pieces = Vec::new();
     let mut begun_m = 0.0;
+    let mut backwards = false;
     for (k, pair) in corners.windows(2).enumerate() {
         let line = sub(pair[1], pair[0]);
         let yaw_rad = libm::atan2(line[1], line[0]);
@@ -46,8 +50,9 @@ pub fn pieces(corners: &[Vector], drive: Drive) -> Result<Vec<Piece>, usize> {
             let onward = sub(*next, pair[1]);
             wrap(libm::atan2(onward[1], onward[0]) - yaw_rad)
         });
+        let turns_back = turn_rad.abs() > CUSP_RAD;
         let cut_m = match tightest_m(drive) {
-            Some(radius_m) if turn_rad.abs() > 1e-9 => radius_m * libm::tan(0.5 * turn_rad.abs()),
+            Some(radius_m) if turn_rad.abs() > 1e-9 && !turns_back => radius_m * libm::tan(0.5 * turn_rad.abs()),
             _ => 0.0,
         };
         let length_m = length(line) - begun_m - cut_m;
@@ -56,27 +61,33 @@ pub fn pieces(corners: &[Vector], drive: Drive) -> Result<Vec<Piece>, usize> {
         }
         let from = Place {
             place_m: pair[0],
-            yaw_rad,
+            yaw_rad: if backwards {
+                wrap(yaw_rad + core::f64::consts::PI)
+            } else {
+                yaw_rad
+            },
         };
         let ahead = Piece {
             from,
             length_m: begun_m,
+            backwards,
             ..Piece::default()
         };
         let straight = Piece {
             from: ahead.end(),
             length_m,
-            ..Piece::default()
+            ..ahead
         };
         pieces.push(straight);
         if let (Some(radius_m), true) = (tightest_m(drive), cut_m > 0.0) {
             pieces.push(Piece {
                 from: straight.end(),
-                curvature_per_m: turn_rad.signum() / radius_m,
+                curvature_per_m: straight.sign() * turn_rad.signum() / radius_m,
                 length_m: turn_rad.abs() * radius_m,
-                backwards: false,
+                backwards,
             });
         }
+        backwards ^= turns_back && tightest_m(drive).is_some();
         begun_m = cut_m;
     }
     Ok(pieces)
@@ -121,4 +132,30 @@ pub fn start_problem(scenario: &Scenario, i: usize, first_way: Option<Vector>) -
         limit: format!("within {START_LIMIT_RAD} rad of {way_rad:.2} rad"),
         remedy: "turn the start, move the first target, or use a robot that turns in place".into(),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_car_goes_back_with_the_back_first_on_the_way_it_came() {
+        let drive = Drive::Steered {
+            turning_radius_m: 0.5,
+            axle_x_m: -0.12,
+        };
+        let corners = [[0.0, 0.0], [0.0, 1.0], [2.0, 1.0], [0.0, 1.0], [0.0, 0.0]];
+        let pieces = pieces(&corners, drive).expect("a path");
+        assert_eq!(pieces.len(), 6);
+        for (there, back) in pieces.iter().zip(pieces.iter().rev()) {
+            let middle = there.at(0.3 * there.length_m);
+            let same = back.at(0.7 * back.length_m);
+            assert!(length(sub(middle.place_m, same.place_m)) < 1e-9, "{there:?}, {back:?}");
+            assert!(wrap(middle.yaw_rad - same.yaw_rad).abs() < 1e-9);
+            assert_ne!(there.backwards, back.backwards);
+        }
+        for pair in pieces.windows(2) {
+            assert!(length(sub(pair[0].end().place_m, pair[1].from.place_m)) < 1e-9);
+        }
+    }
 }

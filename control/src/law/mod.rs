@@ -34,6 +34,7 @@ use twin::twist::BodyTwist;
 
 pub use motion::Drive;
 pub use parameters::{LAWS, LawSpec, ParameterSpec, Parameters, law_spec};
+pub use piece::{Piece, Place};
 pub use push::Push;
 pub use targets::{Owner, TargetRule, YawUse};
 pub use waypoints::path_error_m;
@@ -166,6 +167,12 @@ pub(crate) fn drives(scenario: &Scenario) -> Vec<Drive> {
         Robot::new(robot.description.clone()).map_or(Drive::Holonomic, |robot| Drive::of(&robot))
     };
     scenario.robots.iter().map(of).collect()
+}
+
+/// The way along which `path_following` leads a robot: through its corners as its chassis can drive them; empty without any.
+pub fn path(scenario: &Scenario, robot: usize) -> Vec<Piece> {
+    let drive = drives(scenario).get(robot).copied().unwrap_or(Drive::Holonomic);
+    corner::pieces(&corner::corners(scenario, robot), drive).unwrap_or_default()
 }
 
 /// Bodies of a scenario's robots.

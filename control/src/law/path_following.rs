@@ -5,8 +5,8 @@
 //! u = k_p e + k_i int e dt + k_d de/dt        [PID; the cascade for robots that cannot move sideways: Siciliano and Khatib 2016]
 //!
 //! across the path while it drives along it. A robot that moves sideways does just that; the others point along the sum
-//! of both. A robot that turns in place stops at corners. A car-like robot drives arcs there, as tight as it may, and
-//! never bends more than its steering allows.
+//! of both. A robot that turns in place stops and turns at corners. A car-like robot drives arcs there, as tight as it may, and
+//! never bends more than its steering allows; where the path turns back it changes gear.
 
 use twin::twist::BodyTwist;
 
@@ -64,9 +64,11 @@ const ACCELERATION_M_PER_S2: f64 = 0.5;
 /// Speed at which a corner is passed.
 const CORNER_M_PER_S: f64 = 0.04;
 /// A corner counts as passed this close.
-const PASSED_M: f64 = 0.012;
+const PASSED_M: f64 = 0.002;
 /// Bends below this angle are no corners.
 const CORNER_RAD: f64 = 0.05;
+/// A robot that turns on the spot at a corner drives on when it points this well.
+const TURNED_RAD: f64 = 0.03;
 /// The return to the path is at most this share of the speed.
 const RETURN_SHARE: f64 = 0.8;
 /// Largest magnitude of the integral, and distance beyond which it rests.
@@ -81,20 +83,28 @@ pub struct PathFollowing {
 #[derive(Debug, Clone, Default)]
 struct Progress {
     pieces: Vec<Piece>,
+    /// Of a steered robot: how far the body points outside of each piece where that begins, seen along the body.
+    outward_rad: Vec<f64>,
     index: usize,
     driven_m: f64,
     speed_m_per_s: f64,
     integral_m_s: f64,
     first_yaw_rad: Option<f64>,
+    /// A robot that turns on the spot has turned at the corner that it passed last.
+    turned: bool,
     finished: bool,
 }
 
 impl PathFollowing {
     pub fn new(scenario: &Scenario) -> PathFollowing {
         let drives = super::drives(scenario);
-        let progress = |(i, drive): (usize, &Drive)| Progress {
-            pieces: corner::pieces(&corner::corners(scenario, i), *drive).unwrap_or_default(),
-            ..Progress::default()
+        let progress = |(i, drive): (usize, &Drive)| {
+            let pieces = corner::pieces(&corner::corners(scenario, i), *drive).unwrap_or_default();
+            Progress {
+                outward_rad: outward_rad(&pieces, *drive),
+                pieces,
+                ..Progress::default()
+            }
         };
         PathFollowing {
             robots: drives.iter().enumerate().map(progress).collect(),
@@ -169,14 +179,25 @@ impl Progress {
                     yaw_rate_rad_per_s: turn.clamp(-YAW_RATE_LIMIT_RAD_PER_S, YAW_RATE_LIMIT_RAD_PER_S),
                 }
             }
-            _ => pointed(
-                drive,
-                &here,
-                &piece,
-                reference.yaw_rad,
-                [along_m_per_s, back_m_per_s],
-                parameters,
-            ),
+            _ => {
+                let outward_rad = self.outward_rad.get(self.index).copied().unwrap_or_default();
+                let way = Way {
+                    piece,
+                    yaw_rad: reference.yaw_rad,
+                    outward_rad: outward_at(&piece, outward_rad, self.driven_m, drive),
+                };
+                let (twist, error_rad) = pointed(drive, &here, &way, [along_m_per_s, back_m_per_s], parameters);
+                self.turned |= drive != Drive::TurnInPlace || error_rad.abs() < TURNED_RAD;
+                if self.turned {
+                    twist
+                } else {
+                    self.speed_m_per_s = 0.0;
+                    BodyTwist {
+                        forward_m_per_s: 0.0,
+                        ..twist
+                    }
+                }
+            }
         };
         demand
     }
@@ -189,6 +210,7 @@ impl Progress {
             self.index += 1;
             self.driven_m = 0.0;
             self.integral_m_s = 0.0;
+            self.turned = false;
             piece = self.pieces[self.index];
             self.driven_m = piece.progress_m(0.0, here_m);
         }
@@ -205,7 +227,7 @@ impl Progress {
         let (Some(piece), next) = (self.pieces.get(self.index), self.pieces.get(self.index + 1)) else {
             return true;
         };
-        next.is_none_or(|next| wrap(next.from.yaw_rad - piece.end().yaw_rad).abs() > CORNER_RAD)
+        next.is_none_or(|next| !is_smooth(piece, next))
     }
 
     /// Speed along the path: brakes for the next corner and the end.
@@ -214,9 +236,8 @@ impl Progress {
         let mut room_m = to_end_m;
         let mut k = self.index;
         let smooth = |k: usize| {
-            self.pieces
-                .get(k + 1)
-                .is_some_and(|next| wrap(next.from.yaw_rad - self.pieces[k].end().yaw_rad).abs() <= CORNER_RAD)
+            let next = self.pieces.get(k + 1);
+            next.is_some_and(|next| is_smooth(&self.pieces[k], next))
         };
         while smooth(k) && room_m < 1.0 {
             k += 1;
@@ -256,29 +277,85 @@ impl Progress {
     }
 }
 
-/// A robot that cannot move sideways points along the sum of both speeds, `[along, back]`.
+/// No corner between two pieces, and no change of gear.
+fn is_smooth(piece: &Piece, next: &Piece) -> bool {
+    piece.backwards == next.backwards && wrap(next.from.yaw_rad - piece.end().yaw_rad).abs() <= CORNER_RAD
+}
+
+/// Where a robot is on its path.
+struct Way {
+    piece: Piece,
+    /// Of the path.
+    yaw_rad: f64,
+    outward_rad: f64,
+}
+
+/// How far a steered body points outside of a piece.
+///
+/// The body origin runs along the path and drags the fixed axle, which lies L behind it: with x along the body
+/// `db/dx = k - sin(b) / L`, so `b = L k + (b_0 - L k) exp(-x / L)` for small b. The same holds with the back first, from the end.
+fn outward_at(piece: &Piece, begins_rad: f64, driven_m: f64, drive: Drive) -> f64 {
+    let Drive::Steered { axle_x_m, .. } = drive else {
+        return 0.0;
+    };
+    let lever_m = -axle_x_m;
+    let settled_rad = lever_m * piece.curvature_per_m;
+    let x_m = if piece.backwards {
+        piece.length_m - driven_m
+    } else {
+        driven_m
+    };
+    if lever_m > 0.0 {
+        settled_rad + (begins_rad - settled_rad) * libm::exp(-x_m / lever_m)
+    } else {
+        settled_rad
+    }
+}
+
+/// [`outward_at`] where each piece begins, seen along the body: 0 after a change of gear.
+fn outward_rad(pieces: &[Piece], drive: Drive) -> Vec<f64> {
+    let mut begins = vec![0.0; pieces.len()];
+    for k in 1..pieces.len() {
+        let before = &pieces[k - 1];
+        if !before.backwards && is_smooth(before, &pieces[k]) {
+            begins[k] = outward_at(before, begins[k - 1], before.length_m, drive);
+        }
+    }
+    for k in (1..pieces.len()).rev() {
+        let after = &pieces[k];
+        if after.backwards && is_smooth(&pieces[k - 1], after) {
+            begins[k - 1] = outward_at(after, begins[k], 0.0, drive);
+        }
+    }
+    begins
+}
+
+/// A robot that cannot move sideways points along the sum of both speeds, `[along, back]`; with its error of heading, rad.
 fn pointed(
     drive: Drive,
     here: &Place,
-    piece: &Piece,
-    path_yaw_rad: f64,
+    way: &Way,
     [along_m_per_s, back_m_per_s]: [f64; 2],
     parameters: &Parameters,
-) -> BodyTwist {
-    // The fixed axle follows the body origin inside of the arc, so the body points outside of it.
-    let inward_rad = match drive {
-        Drive::Steered { axle_x_m, .. } => libm::asin((-axle_x_m * piece.curvature_per_m).clamp(-0.9, 0.9)),
-        _ => 0.0,
-    };
+) -> (BodyTwist, f64) {
+    let piece = &way.piece;
     let base = along_m_per_s.max(0.1);
-    let wanted_rad = path_yaw_rad - inward_rad - libm::atan2(back_m_per_s, base);
+    let wanted_rad = way.yaw_rad - way.outward_rad - piece.sign() * libm::atan2(back_m_per_s, base);
     let error_rad = wrap(wanted_rad - here.yaw_rad);
     let turn = parameters.get("yaw_gain_per_s") * error_rad;
-    match drive {
-        Drive::Steered { turning_radius_m, .. } => {
-            let forward_m_per_s = along_m_per_s * libm::cos(error_rad).max(0.3);
-            let limit = forward_m_per_s / turning_radius_m.max(1e-3);
-            let ahead = forward_m_per_s * piece.curvature_per_m;
+    let twist = match drive {
+        Drive::Steered {
+            turning_radius_m,
+            axle_x_m,
+        } => {
+            let forward_m_per_s = piece.sign() * along_m_per_s * libm::cos(error_rad).max(0.3);
+            let limit = forward_m_per_s.abs() / turning_radius_m.max(1e-3);
+            let curvature_per_m = if axle_x_m < 0.0 {
+                libm::tan(way.outward_rad) / -axle_x_m
+            } else {
+                piece.curvature_per_m
+            };
+            let ahead = forward_m_per_s * curvature_per_m;
             BodyTwist {
                 forward_m_per_s,
                 left_m_per_s: 0.0,
@@ -290,5 +367,6 @@ fn pointed(
             left_m_per_s: 0.0,
             yaw_rate_rad_per_s: turn.clamp(-YAW_RATE_LIMIT_RAD_PER_S, YAW_RATE_LIMIT_RAD_PER_S),
         },
-    }
+    };
+    (twist, error_rad)
 }

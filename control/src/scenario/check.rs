@@ -8,6 +8,7 @@ use twin::robot::Robot;
 use super::{
     FORMAT, FieldProblem, MAX_DURATION_S, MAX_ROBOTS, MIN_DURATION_S, MIN_START_GAP_M, Scenario, ScenarioRobot, targets,
 };
+use crate::interaction;
 use crate::law;
 use crate::vector::{length, sub};
 
@@ -30,6 +31,7 @@ pub fn check(scenario: &Scenario) -> Vec<FieldProblem> {
     let mut problems = Problems(Vec::new());
     check_arena(scenario, &mut problems);
     check_document(scenario, &mut problems);
+    check_interaction(scenario, &mut problems);
     check_robots(scenario, &mut problems);
     check_starts(scenario, &mut problems);
     targets::check(scenario, &mut problems);
@@ -142,6 +144,22 @@ fn check_document(scenario: &Scenario, problems: &mut Problems) {
             "a model version has 1 to 128 characters",
             "1 to 128 characters",
             "leave it null for the nominal twin",
+        );
+    }
+}
+
+fn check_interaction(scenario: &Scenario, problems: &mut Problems) {
+    let Some(asked) = scenario.experiment.control.interaction else {
+        return;
+    };
+    let [least_s, most_s] = interaction::HORIZONS_S;
+    // False also of what is not a number.
+    if !(least_s..=most_s).contains(&asked.horizon_s) {
+        problems.add(
+            "control.interaction.horizon_s",
+            format!("the models cannot look {} s ahead", asked.horizon_s),
+            format!("{least_s} s to {most_s} s"),
+            "choose a horizon in this range, or leave `interaction` out",
         );
     }
 }

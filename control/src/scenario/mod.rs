@@ -94,6 +94,17 @@ pub struct Start {
 pub struct Control {
     pub law: String,
     pub parameters: serde_json::Value,
+    /// Correction of the commands by the robots' models, in the mode `interactive`; off when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub interaction: Option<InteractionSetting>,
+}
+
+/// How far ahead of the robots their models look; [`crate::interaction`].
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct InteractionSetting {
+    /// Within [`crate::interaction::HORIZONS_S`].
+    pub horizon_s: f64,
 }
 
 /// A waypoint or a goal; `robot` may be left out when there is only one.
@@ -162,6 +173,17 @@ impl Scenario {
     /// All rules of an experiment; empty when it may be simulated.
     pub fn check(&self) -> Vec<FieldProblem> {
         check::check(self)
+    }
+
+    /// Settings of the interaction where it is on: named in the experiment, whose mode is `interactive`.
+    pub fn interaction(&self) -> Option<crate::interaction::Settings> {
+        let asked = self.experiment.control.interaction;
+        asked
+            .filter(|_| self.experiment.mode == Mode::Interactive)
+            .map(|asked| crate::interaction::Settings {
+                horizon_s: asked.horizon_s,
+                ..crate::interaction::Settings::default()
+            })
     }
 
     /// Targets of the robot at `index`, in order.

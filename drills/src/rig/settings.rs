@@ -21,6 +21,8 @@ pub struct RigSettings {
     pub begin_us: i64,
     /// The law sees where robots will be; see [`lab::pilot::Pilot::looking_ahead`].
     pub looks_ahead: bool,
+    /// The laboratory learns what share of its yaw rate a robot turns; see [`lab::pilot::Pilot::without_learning`].
+    pub learns: bool,
 }
 
 impl Default for RigSettings {
@@ -34,6 +36,7 @@ impl Default for RigSettings {
             phase: 0,
             begin_us: BEGIN_US,
             looks_ahead: true,
+            learns: true,
         }
     }
 }

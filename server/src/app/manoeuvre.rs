@@ -107,6 +107,7 @@ impl Way {
             control: Control {
                 law: "waypoints".to_owned(),
                 parameters: json!({"speed_m_per_s": self.speed_m_per_s}),
+                interaction: None,
             },
             targets: self.places.iter().skip(1).map(target).collect(),
             duration_s: self.duration_s(),

@@ -1,5 +1,7 @@
 //! Effects that change from step to step, and the state they carry.
 
+mod start;
+
 use super::Effect;
 use super::command::CommandStage;
 use crate::command::WheelCommand;
@@ -284,28 +286,6 @@ impl Runtime {
                 self.live.gear_place_rad.copy_from_slice(place);
                 self.live.gear_rate_rad_per_s.copy_from_slice(rate);
             }
-        }
-    }
-
-    /// Fills what the stages remember as if this set-point had been in force for long: for starts in motion.
-    pub(crate) fn prime(&mut self, command: &WheelCommand) {
-        let mut command = *command;
-        for stage in &self.dynamics.commands {
-            stage.prime(&command, &mut self.memory);
-            command = stage.apply(command, &self.nominal, &mut self.memory, 0);
-        }
-    }
-
-    /// True when a stage remembers set-points.
-    pub(crate) fn remembers_commands(&self) -> bool {
-        self.dynamics.commands.iter().any(|stage| stage.words() > 0)
-    }
-
-    /// Lets the stages see a set-point that was in force `to_go` physics steps before the first one.
-    pub(crate) fn remember(&mut self, command: &WheelCommand, to_go: u64) {
-        let mut command = *command;
-        for stage in &self.dynamics.commands {
-            command = stage.remember(command, &self.nominal, &mut self.memory, to_go);
         }
     }
 

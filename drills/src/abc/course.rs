@@ -1,0 +1,140 @@
+//! What is driven: the paper's L, and paths that nobody trained on.
+
+use crate::{Scene, SceneRobot};
+use anyhow::{Context, Result};
+use control::law::{Piece, path};
+use control::scenario::Scenario;
+use serde_json::{Value, json};
+
+/// Metres of a pixel of the paper, and the arena's origin in its picture.
+const PIXEL_M: f64 = 0.0025;
+const ORIGIN_M: [f64; 2] = [-2.25, -1.75];
+/// Longest run.
+const LONGEST_S: f64 = 90.0;
+
+/// A path through corners in the paper's pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Course {
+    /// The paper's: an L out and back.
+    L,
+    /// For learning: a zigzag out and back.
+    Zigzag,
+    /// Unseen: three bends of 45 degrees and one of 90.
+    Bends,
+    /// Unseen: a large L to the other side.
+    Hook,
+}
+
+impl Course {
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::L => "L",
+            Self::Zigzag => "zigzag",
+            Self::Bends => "bends",
+            Self::Hook => "hook",
+        }
+    }
+
+    /// Corners, the first one the start.
+    pub const fn corners_px(self) -> &'static [[f64; 2]] {
+        match self {
+            Self::L => &[
+                [500.0, 500.0],
+                [500.0, 900.0],
+                [1300.0, 900.0],
+                [500.0, 900.0],
+                [500.0, 500.0],
+            ],
+            Self::Zigzag => &[
+                [400.0, 400.0],
+                [800.0, 1000.0],
+                [1200.0, 400.0],
+                [1500.0, 800.0],
+                [1200.0, 400.0],
+                [800.0, 1000.0],
+                [400.0, 400.0],
+            ],
+            Self::Bends => &[
+                [350.0, 500.0],
+                [700.0, 500.0],
+                [1000.0, 800.0],
+                [1350.0, 800.0],
+                [1000.0, 800.0],
+                [700.0, 500.0],
+                [350.0, 500.0],
+            ],
+            Self::Hook => &[
+                [1350.0, 950.0],
+                [1350.0, 500.0],
+                [650.0, 500.0],
+                [1350.0, 500.0],
+                [1350.0, 950.0],
+            ],
+        }
+    }
+
+    /// The same in the arena, m.
+    pub fn corners_m(self) -> Vec<[f64; 2]> {
+        let corners = self.corners_px().iter();
+        corners
+            .map(|[x, y]| [PIXEL_M * x + ORIGIN_M[0], PIXEL_M * y + ORIGIN_M[1]])
+            .collect()
+    }
+
+    /// Direction in which the path begins.
+    pub fn first_yaw_rad(self) -> f64 {
+        match self.corners_m().as_slice() {
+            [from, to, ..] => (to[1] - from[1]).atan2(to[0] - from[0]),
+            _ => 0.0,
+        }
+    }
+
+    /// One robot on this path under `path_following`.
+    pub fn scene(self, chassis: &str, setting: &Setting) -> Result<Scene> {
+        let corners = self.corners_m();
+        let start = *corners.first().context("a start")?;
+        let steered = ["fwd", "rwd", "awd"].contains(&chassis);
+        let turned_rad = if steered { 0.0 } else { setting.start_yaw_rad };
+        let robot = SceneRobot {
+            start: [start[0], start[1], self.first_yaw_rad() + turned_rad],
+            goal: start,
+        };
+        let mut scene = Scene::new(chassis, &[robot], LONGEST_S)?;
+        let name = scene.experiment()["robots"][0]["name"].clone();
+        let target = |[x_m, y_m]: &[f64; 2]| json!({"robot": name, "x_m": x_m, "y_m": y_m});
+        let targets: Vec<Value> = corners.iter().skip(1).map(target).collect();
+        let experiment = scene.experiment_mut();
+        experiment["control"] = json!({"law": "path_following", "parameters": setting.parameters()});
+        experiment["targets"] = json!(targets);
+        Ok(scene)
+    }
+}
+
+/// Gains, speed and start of a run.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Setting {
+    pub speed_m_per_s: f64,
+    pub distance_gain_per_s: f64,
+    pub integral_gain_per_s2: f64,
+    pub derivative_gain: f64,
+    pub yaw_gain_per_s: f64,
+    /// From the direction in which the path begins; car-like robots begin along it.
+    pub start_yaw_rad: f64,
+}
+
+impl Setting {
+    fn parameters(&self) -> Value {
+        json!({
+            "speed_m_per_s": self.speed_m_per_s,
+            "distance_gain_per_s": self.distance_gain_per_s,
+            "integral_gain_per_s2": self.integral_gain_per_s2,
+            "derivative_gain": self.derivative_gain,
+            "yaw_gain_per_s": self.yaw_gain_per_s,
+        })
+    }
+}
+
+/// The path as the robot of a scenario can drive it.
+pub fn pieces(scenario: &Scenario) -> Vec<Piece> {
+    path(scenario, 0)
+}

@@ -1,0 +1,175 @@
+//! A, A+, B and C of one chassis on one floor.
+
+use super::course::{Course, Setting};
+use super::drive::{Correction, Figures, ideal, on_plant, on_twin, time_rms_m};
+use super::floor;
+use super::learned::{Case, Gap, learned};
+use super::settings::{grid, is_steered};
+use anyhow::{Context, Result, anyhow};
+use control::interaction::Settings;
+use emulator::hidden::Hidden;
+use identify::workers::Workers;
+use serde::Serialize;
+use twin::model_document::ModelDocument;
+use twin::robot::Robot;
+
+/// Runs of which A+'s gains are the best.
+const TUNING_RUNS: u64 = 2;
+/// Learned model in the loop against A, and against A+.
+pub const LESS_THAN_A: f64 = 4.0;
+pub const LESS_THAN_A_PLUS: f64 = 1.5;
+
+/// One course, driven under every correction.
+#[derive(Debug, Clone, Serialize)]
+pub struct Round {
+    pub course: String,
+    pub round: u64,
+    pub a: Figures,
+    pub a_plus: Figures,
+    /// A+ and the share of the yaw rate learnt during the run: what a laboratory does without a model.
+    pub usual: Figures,
+    pub c: Figures,
+    /// The learned model, nothing learnt during the run.
+    pub c_without_bias: Figures,
+    /// The nominal model, its bias learnt during the run.
+    pub c_nominal: Figures,
+}
+
+impl Round {
+    pub fn against_a(&self) -> f64 {
+        self.a.rms_m / self.c.rms_m
+    }
+
+    pub fn against_a_plus(&self) -> f64 {
+        self.a_plus.rms_m / self.c.rms_m
+    }
+
+    /// Experiment C's rule.
+    pub fn holds(&self) -> bool {
+        self.c.inside() && self.against_a() >= LESS_THAN_A && self.against_a_plus() >= LESS_THAN_A_PLUS
+    }
+}
+
+/// Everything of one chassis on one floor.
+#[derive(Debug, Clone, Serialize)]
+pub struct Outcome {
+    pub chassis: String,
+    pub floor: u64,
+    pub seed: u64,
+    pub setting: Setting,
+    pub tuned: Setting,
+    pub ideal: Figures,
+    pub twin: Figures,
+    pub sentence: String,
+    pub effects: Vec<String>,
+    pub residual: String,
+    pub gaps: Vec<Gap>,
+    pub rounds: Vec<Round>,
+    pub seconds: f64,
+    #[serde(skip)]
+    pub model: ModelDocument,
+}
+
+/// - `setting`: A's, of the grid on the nominal twin.
+/// - `rounds`: on the paper's path; one more on a path that nothing was trained on.
+pub fn run(
+    chassis: &str,
+    number: u64,
+    rounds: u64,
+    seed: u64,
+    setting: &Setting,
+    workers: &dyn Workers,
+) -> Result<Outcome> {
+    let scenario = Course::L.scene(chassis, setting)?.scenario()?;
+    let robot = scenario.robots.first().context("a robot")?;
+    let description = robot.description.clone();
+    let hidden = floor::floor(&description.name, is_steered(chassis), number, seed);
+    let case = Case {
+        chassis,
+        description: &description,
+        setting,
+        hidden: &hidden,
+        seed: seed + 1000 * (number + 1),
+    };
+    let found = learned(&case, workers)?;
+    let model = found.model.robot().map_err(|error| anyhow!("{error}"))?;
+    let nominal = Robot::new(description.clone()).map_err(|error| anyhow!("{}", error.message))?;
+    let tuned = tuned_on_plant(&case)?;
+    let with = |model: &Robot, learns_bias: bool| {
+        let settings = Settings {
+            learns_bias,
+            ..Settings::default()
+        };
+        Correction::Model(Box::new(model.clone()), settings)
+    };
+    let mut courses: Vec<(Course, u64)> = (1..=rounds).map(|round| (Course::L, round)).collect();
+    courses.push((Course::Hook, 1));
+    let mut done = Vec::new();
+    for (course, round) in courses {
+        let (_, reference) = ideal(chassis, course, setting)?;
+        let drive = |setting: &Setting, correction: Correction| -> Result<Figures> {
+            let driven = on_plant(chassis, course, setting, &hidden, case.seed + 700 + round, &correction)?;
+            let mut figures = driven.figures;
+            figures.time_rms_m = Some(time_rms_m(&driven.poses, &reference));
+            Ok(figures)
+        };
+        done.push(Round {
+            course: course.name().to_owned(),
+            round,
+            a: drive(setting, Correction::Plain)?,
+            a_plus: drive(&tuned, Correction::LookAhead)?,
+            usual: drive(&tuned, Correction::Usual)?,
+            c: drive(setting, with(&model, true))?,
+            c_without_bias: drive(setting, with(&model, false))?,
+            c_nominal: drive(setting, with(&nominal, true))?,
+        });
+    }
+    Ok(Outcome {
+        chassis: chassis.to_owned(),
+        floor: number,
+        seed,
+        setting: *setting,
+        tuned,
+        ideal: ideal(chassis, Course::L, setting)?.0,
+        twin: on_twin(chassis, Course::L, setting)?,
+        sentence: found.sentence,
+        effects: found.effects,
+        residual: found.residual,
+        gaps: found.gaps,
+        rounds: done,
+        seconds: 0.0,
+        model: found.model,
+    })
+}
+
+/// A+: the gains of the grid with the least RMS error on the plant, at A's speed and start.
+fn tuned_on_plant(case: &Case<'_>) -> Result<Setting> {
+    let settings = grid(true, case.setting.speed_m_per_s);
+    let rms_m = |setting: &Setting, hidden: &Hidden| -> Result<f64> {
+        let mut squares = 0.0;
+        for run in 0..TUNING_RUNS {
+            let driven = on_plant(
+                case.chassis,
+                Course::L,
+                setting,
+                hidden,
+                case.seed + 600 + run,
+                &Correction::LookAhead,
+            )?;
+            squares += driven.figures.rms_m.powi(2);
+        }
+        Ok(squares)
+    };
+    let mut best = (*case.setting, f64::INFINITY);
+    for setting in settings {
+        let setting = Setting {
+            start_yaw_rad: case.setting.start_yaw_rad,
+            ..setting
+        };
+        let found = rms_m(&setting, case.hidden)?;
+        if found < best.1 {
+            best = (setting, found);
+        }
+    }
+    Ok(best.0)
+}
