@@ -8,6 +8,9 @@
 //! Robots that cannot move sideways have no `v`; steered ones have the curvature in place of the yaw rate and never change
 //! gear by a correction.
 
+// Sums over rows and columns read better by their indices.
+#![allow(clippy::needless_range_loop)]
+
 use twin::SUBSTEPS;
 use twin::free::FreeRobot;
 use twin::pose::Pose;

@@ -8,7 +8,7 @@ use super::replay::{again, apart_m};
 use anyhow::{Context, Result, anyhow};
 use emulator::hidden::Hidden;
 use identify::diagnose::{Input, Run, diagnose};
-use identify::gap::{RobotClock, end_to_end_with};
+use identify::gap::{ANCHOR_PERIOD_S, RobotClock, end_to_end_with};
 use identify::workers::Workers;
 use learn::inputs::Sight;
 use learn::linear::Target;
@@ -203,7 +203,7 @@ fn gap(case: &Case<'_>, course: Course, speed_m_per_s: f64, seed: u64, [named, w
     let run = measured::run(case.description, &driven, "unseen", false)?;
     let ahead_m = |robot: &Robot| -> Result<f64> {
         let clock = RobotClock::of(robot.effects());
-        let gap = end_to_end_with(&run.bundle, robot, clock).map_err(|error| anyhow!("{error}"))?;
+        let gap = end_to_end_with(&run.bundle, robot, clock, ANCHOR_PERIOD_S).map_err(|error| anyhow!("{error}"))?;
         let at = gap.horizons.iter().find(|at| (at.horizon_s - AHEAD_S).abs() < 1e-9);
         Ok(at.context("a horizon of 2 s")?.position_m)
     };
