@@ -164,7 +164,7 @@ fn a_better_model_brings_the_robot_closer() {
             let mut squares = 0.0;
             for tick in 0..1200 {
                 scene.tick(&wish(chassis, tick));
-                squares += if tick > 240 { scene.off_m().powi(2) } else { 0.0 };
+                squares += if tick > 240 { scene.off_m() * scene.off_m() } else { 0.0 };
             }
             (squares / 960.0_f64).sqrt()
         };
