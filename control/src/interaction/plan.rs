@@ -110,14 +110,18 @@ impl Plan {
     }
 
     /// Command of this tick; nothing when the model says what cannot be.
-    pub(super) fn command(&mut self, model: &ModelRobot, ideal: &VirtualRobot) -> Option<BodyTwist> {
+    ///
+    /// - `turn`: corrections are made anew; otherwise those of the tick before hold.
+    pub(super) fn command(&mut self, model: &ModelRobot, ideal: &VirtualRobot, turn: bool) -> Option<BodyTwist> {
         if rests(ideal) {
             self.reset();
             return Some(ideal.at(1).twist);
         }
-        let base = self.residuals(model, ideal, &self.corrections.clone())?;
-        self.renew(model, ideal, &base)?;
-        self.improve(&base, ideal);
+        if turn {
+            let base = self.residuals(model, ideal, &self.corrections.clone())?;
+            self.renew(model, ideal, &base)?;
+            self.improve(&base, ideal);
+        }
         let command = self.at_tick(ideal, &self.corrections, 0);
         self.last_per_m = self.per_m(ideal, 0);
         is_possible(&command).then_some(command)
