@@ -159,9 +159,8 @@ impl Plan {
                 continue;
             }
             right[a] = dot(&self.jacobian[a], base) + cost * now;
-            for b in 0..=a {
-                matrix[a][b] = dot(&self.jacobian[a], &self.jacobian[b]);
-                matrix[b][a] = matrix[a][b];
+            for (slot, other) in matrix[a].iter_mut().zip(&self.jacobian).take(a + 1) {
+                *slot = dot(&self.jacobian[a], other);
             }
             matrix[a][a] += cost * (1.0 + CHANGE_SHARE);
         }
@@ -329,14 +328,12 @@ fn dot(a: &[f64; RESIDUALS], b: &[f64; RESIDUALS]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// Solution of a symmetric positive definite system by Cholesky's method; `None` when it is not one.
+/// Solution of a symmetric positive definite system by Cholesky's method, from its lower half; `None` when it is not one.
 fn solved(mut matrix: [[f64; UNKNOWNS]; UNKNOWNS], mut right: [f64; UNKNOWNS]) -> Option<[f64; UNKNOWNS]> {
     for row in 0..UNKNOWNS {
         for column in 0..=row {
-            let mut sum = matrix[row][column];
-            for k in 0..column {
-                sum -= matrix[row][k] * matrix[column][k];
-            }
+            let products = matrix[row].iter().zip(&matrix[column]).take(column);
+            let sum = matrix[row][column] - products.map(|(a, b)| a * b).sum::<f64>();
             if row == column {
                 if sum.is_nan() || sum < 1e-30 {
                     return None;
