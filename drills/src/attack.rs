@@ -210,7 +210,7 @@ impl Attack {
 
     /// A liar's robots are corrected by models that lie as well, in every second run.
     fn rig(&self, scene: &Scene) -> Result<Rig> {
-        if !self.liar || self.seed % 2 == 0 {
+        if !self.liar || self.seed.is_multiple_of(2) {
             return Rig::with_law(scene, &self.settings(), self.law());
         }
         let scenario = scene.scenario()?;

@@ -83,7 +83,7 @@ pub fn floor(name: &str, steered: bool, number: u64, seed: u64) -> Hidden {
     let mut robot = hidden.robot(name);
     let mut left = ANY.to_vec();
     let mut chosen = Vec::new();
-    if number % 3 == 0 {
+    if number.is_multiple_of(3) {
         chosen.push(left.remove(0));
     }
     if steered {
