@@ -69,7 +69,9 @@ impl Scene {
             self.way.push([should.x_m, should.y_m]);
             self.was.push([seen.pose.x_m, seen.pose.y_m]);
         }
-        let command = self.interaction.command(wanted, self.was.len() as u64 % TURNS == 0);
+        let command = self
+            .interaction
+            .command(wanted, (self.was.len() as u64).is_multiple_of(TURNS));
         let told = command.unwrap_or(*wanted);
         assert!(
             [told.forward_m_per_s, told.left_m_per_s, told.yaw_rate_rad_per_s]
@@ -164,7 +166,7 @@ fn a_better_model_brings_the_robot_closer() {
             let mut squares = 0.0;
             for tick in 0..1200 {
                 scene.tick(&wish(chassis, tick));
-                squares += if tick > 240 { scene.off_m().powi(2) } else { 0.0 };
+                squares += if tick > 240 { scene.off_m() * scene.off_m() } else { 0.0 };
             }
             (squares / 960.0_f64).sqrt()
         };
