@@ -109,15 +109,23 @@ fn turn(robot: &Robot) -> (BodyTwist, BodyTwist) {
     }
 }
 
-/// Share of the yaw rate that a robot is told which it turns at last, in a small turn; 0 for one that does not turn.
+/// Share of the yaw rate that a robot is told which it turns at last, in a small turn, the mean of left and right; 0 for one
+/// that does not turn.
 pub(crate) fn turn_share(robot: &Robot) -> f64 {
-    let (before, turning) = turn(robot);
-    let mut free = FreeRobot::at_rest(robot, Pose::default());
-    for twist in [before, turning] {
-        let command = robot.wheel_speeds(twist);
-        (0..WATCHED_STEPS).for_each(|_| free.step(&command));
-    }
-    let share = free.state().twist.yaw_rate_rad_per_s / turning.yaw_rate_rad_per_s;
+    let (before, left) = turn(robot);
+    let right = BodyTwist {
+        yaw_rate_rad_per_s: -left.yaw_rate_rad_per_s,
+        ..left
+    };
+    let turned = |turning: BodyTwist| {
+        let mut free = FreeRobot::at_rest(robot, Pose::default());
+        for twist in [before, turning] {
+            let command = robot.wheel_speeds(twist);
+            (0..WATCHED_STEPS).for_each(|_| free.step(&command));
+        }
+        free.state().twist.yaw_rate_rad_per_s
+    };
+    let share = 0.5 * (turned(left) - turned(right)) / left.yaw_rate_rad_per_s;
     if share.is_finite() { share } else { 0.0 }
 }
 
@@ -129,10 +137,12 @@ fn delay_s(robot: &Robot, before: BodyTwist, after: BodyTwist, share: impl Fn(&B
         (0..WATCHED_STEPS).for_each(|_| free.step(&command));
     }
     let command = robot.wheel_speeds(after);
+    // A robot that is steered wrong turns before it is told to.
+    let first = share(&free.state().twist);
     let (mut sum, mut last) = (0.0, 0.0);
     for _ in 0..WATCHED_STEPS {
         free.step(&command);
-        last = share(&free.state().twist);
+        last = share(&free.state().twist) - first;
         sum += last;
     }
     if !free.is_finite() || last < LEAST_SHARE {

@@ -6,7 +6,7 @@ use twin::twist::BodyTwist;
 
 use crate::TICK_S;
 use crate::answer::{Answer, assumed_latency_s};
-use crate::interaction::{Interaction, Settings};
+use crate::interaction::{Interaction, Settings, TURNS};
 pub use crate::law::RobotObservation;
 use crate::law::{self, Body, Demand, Drive, Goal, Law, Observation, Parameters};
 use crate::prediction::Predictor;
@@ -160,8 +160,9 @@ impl Team {
             *wanted = accelerated(&last.safe.twist(), &predictor.command(&demand.twist));
         }
         let corrected = self.interactions.iter_mut().zip(&self.demands).zip(&self.outputs);
-        for (wanted, ((interaction, demand), last)) in self.wanted.iter_mut().zip(corrected) {
-            if let Some(command) = interaction.command(&demand.twist) {
+        for (place, (wanted, ((interaction, demand), last))) in (0..).zip(self.wanted.iter_mut().zip(corrected)) {
+            let turn = (self.tick + place).is_multiple_of(TURNS);
+            if let Some(command) = interaction.command(&demand.twist, turn) {
                 *wanted = accelerated(&last.safe.twist(), &command);
             }
         }

@@ -17,8 +17,8 @@
 //! min  sum_m |r_m^-1 x_m(c)|^2 + rho |d|^2,      c_j = lead(r)_j + d_j       x_m: poses that the model predicts
 //!  d
 //! ```
-//! One Gauss-Newton step a tick, from the corrections of the tick before; one column of the Jacobian a tick is made anew.
-//! The work of a tick is the same in every tick, and nothing is allocated.
+//! One Gauss-Newton step in every second tick of a robot, from the corrections before it; one column of the Jacobian is made anew
+//! with it. Half of the robots are due in a tick, so the work of every tick is the same, and nothing is allocated.
 //!
 //! The correction stands before acceleration limit and safety filter, which stay as they are. It is bounded around what the law
 //! asks for. On any doubt - model, pose or delay that cannot be believed, a filter that intervenes - the law sees
@@ -48,6 +48,8 @@ use virtual_robot::VirtualRobot;
 pub const HORIZONS_S: [f64; 2] = [0.1, 0.5];
 /// Ticks of the longest.
 const MOST_AHEAD: usize = 60;
+/// A robot's corrections are made anew in one of so many ticks.
+pub const TURNS: u64 = 2;
 /// The virtual robot is pulled to the physical one over this time.
 const LEASH_S: f64 = 2.0;
 /// It is laid onto the physical one where they are further apart.
@@ -128,12 +130,14 @@ impl Interaction {
     }
 
     /// The command for what the law wants of the virtual robot; nothing when the law's own wish is to be passed on.
-    pub fn command(&mut self, wanted: &BodyTwist) -> Option<BodyTwist> {
+    ///
+    /// - `turn`: corrections are made anew; otherwise those of the tick before hold. Robots take turns.
+    pub fn command(&mut self, wanted: &BodyTwist, turn: bool) -> Option<BodyTwist> {
         if !self.active {
             return None;
         }
         self.ideal.step(wanted);
-        let command = self.plan.command(&self.model, &self.ideal);
+        let command = self.plan.command(&self.model, &self.ideal, turn);
         if command.is_none() {
             self.doubt();
         }

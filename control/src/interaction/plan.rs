@@ -113,14 +113,18 @@ impl Plan {
     }
 
     /// Command of this tick; nothing when the model says what cannot be.
-    pub(super) fn command(&mut self, model: &ModelRobot, ideal: &VirtualRobot) -> Option<BodyTwist> {
+    ///
+    /// - `turn`: corrections are made anew; otherwise those of the tick before hold.
+    pub(super) fn command(&mut self, model: &ModelRobot, ideal: &VirtualRobot, turn: bool) -> Option<BodyTwist> {
         if rests(ideal) {
             self.reset();
             return Some(ideal.at(1).twist);
         }
-        let base = self.residuals(model, ideal, &self.corrections.clone())?;
-        self.renew(model, ideal, &base)?;
-        self.improve(&base, ideal);
+        if turn {
+            let base = self.residuals(model, ideal, &self.corrections.clone())?;
+            self.renew(model, ideal, &base)?;
+            self.improve(&base, ideal);
+        }
         let command = self.at_tick(ideal, &self.corrections, 0);
         self.last_per_m = self.per_m(ideal, 0);
         is_possible(&command).then_some(command)
@@ -158,9 +162,8 @@ impl Plan {
                 continue;
             }
             right[a] = dot(&self.jacobian[a], base) + cost * now;
-            for b in 0..=a {
-                matrix[a][b] = dot(&self.jacobian[a], &self.jacobian[b]);
-                matrix[b][a] = matrix[a][b];
+            for (slot, other) in matrix[a].iter_mut().zip(&self.jacobian).take(a + 1) {
+                *slot = dot(&self.jacobian[a], other);
             }
             matrix[a][a] += cost * (1.0 + CHANGE_SHARE);
         }
@@ -328,14 +331,12 @@ fn dot(a: &[f64; RESIDUALS], b: &[f64; RESIDUALS]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// Solution of a symmetric positive definite system by Cholesky's method; `None` when it is not one.
+/// Solution of a symmetric positive definite system by Cholesky's method, from its lower half; `None` when it is not one.
 fn solved(mut matrix: [[f64; UNKNOWNS]; UNKNOWNS], mut right: [f64; UNKNOWNS]) -> Option<[f64; UNKNOWNS]> {
     for row in 0..UNKNOWNS {
         for column in 0..=row {
-            let mut sum = matrix[row][column];
-            for k in 0..column {
-                sum -= matrix[row][k] * matrix[column][k];
-            }
+            let products = matrix[row].iter().zip(&matrix[column]).take(column);
+            let sum = matrix[row][column] - products.map(|(a, b)| a * b).sum::<f64>();
             if row == column {
                 if sum.is_nan() || sum < 1e-30 {
                     return None;

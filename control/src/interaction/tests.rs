@@ -7,7 +7,7 @@ use twin::pose::Pose;
 use twin::robot::{Robot, RobotDescription};
 use twin::twist::BodyTwist;
 
-use super::{Interaction, Settings};
+use super::{Interaction, Settings, TURNS};
 use crate::TICK_S;
 use crate::answer::Answer;
 use crate::law::{Drive, RobotObservation};
@@ -69,7 +69,9 @@ impl Scene {
             self.way.push([should.x_m, should.y_m]);
             self.was.push([seen.pose.x_m, seen.pose.y_m]);
         }
-        let command = self.interaction.command(wanted);
+        let command = self
+            .interaction
+            .command(wanted, (self.was.len() as u64).is_multiple_of(TURNS));
         let told = command.unwrap_or(*wanted);
         assert!(
             [told.forward_m_per_s, told.left_m_per_s, told.yaw_rate_rad_per_s]
@@ -225,7 +227,7 @@ fn what_cannot_be_seen_or_is_late_leaves_the_wish_as_it_is() {
     ];
     for (seen, answer) in cases {
         assert_eq!(scene.interaction.observe(&seen, answer), None, "{seen:?}, {answer:?}");
-        assert_eq!(scene.interaction.command(&BodyTwist::default()), None);
+        assert_eq!(scene.interaction.command(&BodyTwist::default(), true), None);
     }
 }
 
@@ -242,7 +244,7 @@ fn a_robot_that_is_to_rest_is_told_to_rest() {
     let seen = scene.seen();
     assert!(scene.interaction.observe(&seen, Some(scene.answer)).is_some());
     assert_eq!(
-        scene.interaction.command(&BodyTwist::default()),
+        scene.interaction.command(&BodyTwist::default(), true),
         Some(BodyTwist::default())
     );
 }

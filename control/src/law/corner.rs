@@ -7,8 +7,9 @@ use crate::vector::{Vector, direction, length, sub, wrap};
 
 /// Closer points are the same point.
 const SAME_M: f64 = 0.012;
-/// Arcs of car-like robots are wider than the tightest by this factor.
-const RADIUS_SHARE: f64 = 1.15;
+/// Arcs of car-like robots are wider than the tightest by this factor: what is left of the steering makes up for slip, a
+/// servo that is off and errors of the path.
+const RADIUS_SHARE: f64 = 1.3;
 /// A car-like robot changes gear where the path turns back by more than this.
 const CUSP_RAD: f64 = 2.6;
 /// A car-like robot must start along its path within this angle.

@@ -7,13 +7,12 @@ use super::learned::{Case, Gap, learned};
 use super::settings::{grid, is_steered};
 use anyhow::{Context, Result, anyhow};
 use control::interaction::Settings;
-use emulator::hidden::Hidden;
 use identify::workers::Workers;
 use serde::Serialize;
 use twin::model_document::ModelDocument;
 use twin::robot::Robot;
 
-/// Runs of which A+'s gains are the best.
+/// Runs of which A+'s gains, and C's model and gains, are the best.
 const TUNING_RUNS: u64 = 2;
 /// Learned model in the loop against A, and against A+.
 pub const LESS_THAN_A: f64 = 4.0;
@@ -57,7 +56,12 @@ pub struct Outcome {
     pub floor: u64,
     pub seed: u64,
     pub setting: Setting,
+    /// A+'s.
     pub tuned: Setting,
+    /// C's: A's or A+'s.
+    pub corrected: Setting,
+    /// C's model carries the residual, not the named effects alone.
+    pub with_residual: bool,
     pub ideal: Figures,
     pub twin: Figures,
     pub sentence: String,
@@ -92,7 +96,6 @@ pub fn run(
         seed: seed + 1000 * (number + 1),
     };
     let found = learned(&case, workers)?;
-    let model = found.model.robot().map_err(|error| anyhow!("{error}"))?;
     let nominal = Robot::new(description.clone()).map_err(|error| anyhow!("{}", error.message))?;
     let tuned = tuned_on_plant(&case)?;
     let with = |model: &Robot, learns_bias: bool| {
@@ -102,6 +105,20 @@ pub fn run(
         };
         Correction::Model(Box::new(model.clone()), settings)
     };
+    let mut candidates = Vec::new();
+    for (document, with_residual) in [(&found.model, true), (&found.named, false)] {
+        let model = document.robot().map_err(|error| anyhow!("{error}"))?;
+        for of in [setting, &tuned] {
+            candidates.push((
+                squares(&case, of, 650, &with(&model, true))?,
+                model.clone(),
+                *of,
+                with_residual,
+            ));
+        }
+    }
+    let best = candidates.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
+    let (_, model, corrected, with_residual) = best.context("a candidate")?;
     let mut courses: Vec<(Course, u64)> = (1..=rounds).map(|round| (Course::L, round)).collect();
     courses.push((Course::Hook, 1));
     let mut done = Vec::new();
@@ -119,9 +136,9 @@ pub fn run(
             a: drive(setting, Correction::Plain)?,
             a_plus: drive(&tuned, Correction::LookAhead)?,
             usual: drive(&tuned, Correction::Usual)?,
-            c: drive(setting, with(&model, true))?,
-            c_without_bias: drive(setting, with(&model, false))?,
-            c_nominal: drive(setting, with(&nominal, true))?,
+            c: drive(&corrected, with(&model, true))?,
+            c_without_bias: drive(&corrected, with(&model, false))?,
+            c_nominal: drive(&corrected, with(&nominal, true))?,
         });
     }
     Ok(Outcome {
@@ -130,6 +147,8 @@ pub fn run(
         seed,
         setting: *setting,
         tuned,
+        corrected,
+        with_residual,
         ideal: ideal(chassis, Course::L, setting)?.0,
         twin: on_twin(chassis, Course::L, setting)?,
         sentence: found.sentence,
@@ -142,31 +161,33 @@ pub fn run(
     })
 }
 
+/// Sum of the mean squared errors of the tuning runs, m2.
+fn squares(case: &Case<'_>, setting: &Setting, seed: u64, correction: &Correction) -> Result<f64> {
+    let mut sum = 0.0;
+    for run in 0..TUNING_RUNS {
+        let driven = on_plant(
+            case.chassis,
+            Course::L,
+            setting,
+            case.hidden,
+            case.seed + seed + run,
+            correction,
+        )?;
+        sum += driven.figures.rms_m.powi(2) + if driven.figures.finished { 0.0 } else { 1.0 };
+    }
+    Ok(sum)
+}
+
 /// A+: the gains of the grid with the least RMS error on the plant, at A's speed and start.
 fn tuned_on_plant(case: &Case<'_>) -> Result<Setting> {
     let settings = grid(true, case.setting.speed_m_per_s);
-    let rms_m = |setting: &Setting, hidden: &Hidden| -> Result<f64> {
-        let mut squares = 0.0;
-        for run in 0..TUNING_RUNS {
-            let driven = on_plant(
-                case.chassis,
-                Course::L,
-                setting,
-                hidden,
-                case.seed + 600 + run,
-                &Correction::LookAhead,
-            )?;
-            squares += driven.figures.rms_m.powi(2);
-        }
-        Ok(squares)
-    };
     let mut best = (*case.setting, f64::INFINITY);
     for setting in settings {
         let setting = Setting {
             start_yaw_rad: case.setting.start_yaw_rad,
             ..setting
         };
-        let found = rms_m(&setting, case.hidden)?;
+        let found = squares(case, &setting, 600, &Correction::LookAhead)?;
         if found < best.1 {
             best = (setting, found);
         }

@@ -75,6 +75,8 @@ pub struct Learned {
     pub sentence: String,
     pub effects: Vec<String>,
     pub residual: String,
+    /// Named effects alone, and with the residual.
+    pub named: ModelDocument,
     pub model: ModelDocument,
     pub gaps: Vec<Gap>,
 }
@@ -161,6 +163,7 @@ pub fn learned(case: &Case<'_>, workers: &dyn Workers) -> Result<Learned> {
             .map(|effect| format!("{}{:?} {:?}", effect.name, effect.index, effect.parameters))
             .collect(),
         residual,
+        named: found.model,
         model,
         gaps,
     })
