@@ -7,7 +7,7 @@ use anyhow::{Result, anyhow};
 use control::interaction::Settings;
 use control::law::Law;
 use control::team::Team;
-use emulator::hidden::{FrictionPatch, Hidden, HiddenFloor, HiddenRobot};
+use emulator::hidden::{FrictionPatch, Hidden, HiddenFloor, HiddenRobot, Wear};
 use emulator::noise::Noise;
 use twin::robot::Robot;
 
@@ -30,7 +30,7 @@ const NOMINAL_FRICTION: f64 = 0.8;
 pub struct Attack {
     pub chassis: Vec<&'static str>,
     pub seed: u64,
-    /// [`COMMON_GENES`], then [`ROBOT_GENES`] for each robot.
+    /// [`COMMON_GENES`], then [`ROBOT_GENES`] for each robot, then one: the motors' lag.
     pub genes: Vec<f64>,
     pub seconds: f64,
     /// Robots drive at walls only.
@@ -75,7 +75,7 @@ impl Attack {
         Self {
             chassis: (0..robots).map(|_| pick(&mut random)).collect(),
             seed: seed ^ number.wrapping_mul(0x9E37_79B9),
-            genes: (0..COMMON_GENES + ROBOT_GENES * robots)
+            genes: (0..=COMMON_GENES + ROBOT_GENES * robots)
                 .map(|_| random.uniform())
                 .collect(),
             seconds,
@@ -159,7 +159,8 @@ impl Attack {
         }
     }
 
-    /// Friction down to 0.3 and 0.21 on a patch, up to 60 % more mass, weaker motors, play, a battery that gives way.
+    /// Friction down to 0.3 and 0.21 on a patch, up to 60 % more mass, motors up to 0.15 s late and weaker, play, a battery
+    /// that gives way.
     fn hidden(&self) -> Hidden {
         let mut hidden = Hidden::neutral();
         let hard = self.gene(6);
@@ -177,6 +178,7 @@ impl Attack {
         hidden.floors.insert("lab-floor".to_owned(), floor);
         let load = 1.0 + 0.6 * self.gene(10);
         let worn = self.gene(11);
+        let lag_s = 0.15 * self.gene(COMMON_GENES + ROBOT_GENES * self.chassis.len());
         for (robot, chassis) in self.chassis.iter().enumerate() {
             let body = HiddenRobot {
                 mass_scale: load,
@@ -185,6 +187,10 @@ impl Attack {
                 coulomb_scale: 1.0 + 0.6 * worn,
                 half_backlash_rad: 0.01 * worn,
                 battery_resistance_ohm: 0.15 * worn,
+                wear: Wear {
+                    motor_lag_s: lag_s,
+                    ..Wear::default()
+                },
                 ..HiddenRobot::default()
             };
             hidden.robots.insert(format!("{chassis}-{:02}", robot + 1), body);

@@ -51,6 +51,7 @@ pub fn settings(robot: &LabRobot, key: Key, hidden: &HiddenRobot) -> Result<Sett
         key,
         wheels: wheel_table(description)?,
         motor: controller(description)?,
+        smoothing_s: hidden.wear.motor_lag_s,
         watchdog: WatchdogSettings::default(),
         limits: DynamicLimits::default(),
         estimator: EstimatorSettings {

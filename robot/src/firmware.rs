@@ -33,6 +33,8 @@ pub struct Settings {
     /// Nominal geometry; its driven wheels are the motors, in this order.
     pub wheels: WheelTable,
     pub motor: ControllerSettings,
+    /// Time constant with which the motors' controllers smooth their set-points, s; 0: not at all.
+    pub smoothing_s: f64,
     pub watchdog: WatchdogSettings,
     pub limits: DynamicLimits,
     pub estimator: EstimatorSettings,
@@ -107,6 +109,8 @@ pub struct Firmware {
     motor_wait: u32,
     motor_v: [f64; MAX_MOTORS],
     set_point: SetPoint,
+    /// Set-points as the motors' controllers have smoothed them.
+    smoothed_rad_per_s: [f64; MAX_MOTORS],
     estimator: Estimator,
     fusion: Fusion,
     /// The last accepted command was a target.
@@ -136,6 +140,7 @@ impl Firmware {
             motor_wait: 0,
             motor_v: [0.0; MAX_MOTORS],
             set_point: SetPoint::default(),
+            smoothed_rad_per_s: [0.0; MAX_MOTORS],
             estimator: Estimator::new(settings.estimator),
             fusion: Fusion::new(settings.limits, step_s),
             on_target: false,
@@ -331,9 +336,14 @@ impl Firmware {
             .controllers
             .get_or_insert_with(|| core::array::from_fn(|i| Controller::new(settings, counts[i])));
         self.motor_v = [0.0; MAX_MOTORS];
+        let sample_s = 1.0 / f64::from(settings.sample_rate_hz);
+        let kept = self.settings.smoothing_s / (sample_s + self.settings.smoothing_s);
+        for (smooth, told) in self.smoothed_rad_per_s.iter_mut().zip(&self.set_point.wheel_rad_per_s) {
+            *smooth = told + kept * (*smooth - told);
+        }
         for (i, controller) in controllers.iter_mut().enumerate().take(self.settings.wheels.motors()) {
             self.motor_v[i] = controller.step(&ControlSample {
-                command_rad_per_s: self.set_point.wheel_rad_per_s[i],
+                command_rad_per_s: self.smoothed_rad_per_s[i],
                 wheel_rad_per_s: sensors.wheel_rad_per_s[i],
                 encoder_count: sensors.encoder_count[i],
                 current_a: sensors.current_a[i],
@@ -388,6 +398,7 @@ impl Firmware {
     /// Forgets the integrals of the motors' control: their power was off.
     pub fn reset_drives(&mut self) {
         self.controllers = None;
+        self.smoothed_rad_per_s = [0.0; MAX_MOTORS];
         self.motor_v = [0.0; MAX_MOTORS];
         self.motor_wait = 0;
     }

@@ -3,7 +3,7 @@
 mod kit;
 
 use robot::battery::Level;
-use robot::firmware::{Firmware, Received, Sensors, Settings};
+use robot::firmware::{Firmware, MotorSensors, Received, Sensors, Settings};
 use robot::frame::{Aim, Command, Fix, Payload, Region, Target, decode};
 use robot::key::Key;
 use robot::kinematics::Twist;
@@ -226,7 +226,7 @@ fn the_cascade_of_the_firmware_is_the_controller_itself() {
         }
         for sample in 0..4 {
             let current_a = 0.01 * f64::from(step % 37);
-            let sensors = robot::firmware::MotorSensors {
+            let sensors = MotorSensors {
                 wheel_rad_per_s: [0.0; 4],
                 encoder_count: [count; 4],
                 current_a: [current_a; 4],
@@ -287,4 +287,41 @@ fn a_slow_motor_control_holds_its_voltage_between_samples() {
         changes.len() > 5 && changes.windows(2).all(|pair| (pair[1] - pair[0]) % 4 == 0),
         "{changes:?}"
     );
+}
+
+#[test]
+fn smoothed_set_points_follow_a_first_order_lag() {
+    // wheels that do not turn: a pure gain of 1 V s/rad shows the set-point that the controller gets
+    let law = Law::SpeedPi {
+        kp_v_s_per_rad: 1.0,
+        ki_v_per_rad: 0.0,
+    };
+    let told_and_got = |smoothing_s| {
+        let mut settings = kit::settings(3, KEY);
+        settings.motor.law = law;
+        settings.smoothing_s = smoothing_s;
+        let mut bench = Bench::new(settings);
+        let mut both = Vec::new();
+        for step in 0..480 {
+            if step % 4 == 0 {
+                let got = bench.send(|header| kit::command(header, &drive(6.0), &KEY));
+                assert_eq!(got, Received::Accepted);
+            }
+            bench.step += 1;
+            let now_ms = bench.now_ms();
+            let volts = bench.firmware.step(now_ms, &bench.sensors).motor_v[0];
+            both.push((bench.firmware.set_point().wheel_rad_per_s[0], volts));
+        }
+        both
+    };
+    let at_once = told_and_got(0.0);
+    assert!(at_once.iter().all(|(told, volts)| told.to_bits() == volts.to_bits()));
+    assert_eq!(at_once.last().map(|(told, _)| *told), Some(6.0));
+    let lag_s: f64 = 0.05;
+    let share = 1.0 - (-1.0 / 480.0 / lag_s).exp();
+    let mut exact = 0.0;
+    for (step, (told, volts)) in told_and_got(lag_s).into_iter().enumerate() {
+        exact += share * (told - exact);
+        assert!((volts - exact).abs() < 0.02 * 6.0, "step {step}: {volts} and {exact}");
+    }
 }

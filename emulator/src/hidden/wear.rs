@@ -6,6 +6,8 @@ use serde::Deserialize;
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Wear {
+    /// Time constant with which the motors' controllers smooth their set-points.
+    pub motor_lag_s: f64,
     /// Dry friction added to every motor, at the wheel.
     pub coulomb_n_m: f64,
     /// Viscous friction added to every motor, at the wheel.
@@ -41,6 +43,7 @@ pub struct Wear {
 impl Default for Wear {
     fn default() -> Self {
         Self {
+            motor_lag_s: 0.0,
             coulomb_n_m: 0.0,
             viscous_n_m_s: 0.0,
             breakaway_ratio: 1.0,

@@ -82,6 +82,7 @@ pub fn settings(number: u8, key: Key) -> Settings {
             computation_delay_samples: 0,
             encoder: None,
         },
+        smoothing_s: 0.0,
         watchdog: WatchdogSettings::default(),
         limits: DynamicLimits::default(),
         estimator: EstimatorSettings::default(),
