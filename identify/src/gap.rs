@@ -189,14 +189,21 @@ pub fn delayed_rows(bundle: &Bundle) -> Vec<CommandRow> {
     let steering = rows;
     let mut rows = Vec::with_capacity(count + 1);
     let (mut next, mut held) = (0, None);
+    let tick_s = |k: usize| first_s + k as f64 / CONTROL_HZ;
+    let spans = || (0..=count).map(|k| (tick_s(k), tick_s(k) + 1.0 / CONTROL_HZ));
+    let speeds: Vec<Option<Vec<f64>>> = input
+        .wheels
+        .iter()
+        .map(|wheel| Some(wheel.as_ref()?.speeds(spans())))
+        .collect();
     for k in 0..=count {
-        let from_s = first_s + k as f64 / CONTROL_HZ;
+        let from_s = tick_s(k);
         let mut row = CommandRow {
             time_s: from_s,
             ..CommandRow::default()
         };
-        for (slot, wheel) in row.wheel_rad_per_s.iter_mut().zip(&input.wheels) {
-            *slot = wheel.as_ref().map(|line| line.speed(from_s, from_s + 1.0 / CONTROL_HZ));
+        for (slot, speeds) in row.wheel_rad_per_s.iter_mut().zip(&speeds) {
+            *slot = speeds.as_ref().map(|speeds| speeds[k]);
         }
         while next < steering.len() && steering[next].time_s <= from_s {
             held = steering[next].steering_rad;

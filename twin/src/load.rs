@@ -46,6 +46,9 @@ impl LoadRows {
     /// The wheel with the most negative load.
     pub(crate) fn most_negative(&self, accel_m_per_s2: [f64; 2]) -> Option<usize> {
         let loads = self.at(accel_m_per_s2);
+        if !loads.iter().fold(false, |any, load| any | (*load < 0.0)) {
+            return None;
+        }
         let mut worst = 0;
         for i in 1..MAX_WHEELS {
             if loads[i] < loads[worst] {

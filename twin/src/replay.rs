@@ -141,7 +141,7 @@ pub fn replay_after(
     earlier: &[CommandRow],
     rows: &[CommandRow],
 ) -> Result<Vec<ReplayRow>, ReplayError> {
-    replay_pushed(robot, start, held, earlier, rows, &mut |_| None)
+    replay_with(robot, start, held, earlier, rows, None)
 }
 
 /// What is known at the start of a control tick of a replay, before it is taken.
@@ -168,6 +168,20 @@ pub fn replay_pushed(
     rows: &[CommandRow],
     push: &mut dyn FnMut(&Tick) -> Option<[f64; 3]>,
 ) -> Result<Vec<ReplayRow>, ReplayError> {
+    replay_with(robot, start, held, earlier, rows, Some(push))
+}
+
+/// What is asked at the start of every control tick.
+type Push<'a> = &'a mut dyn FnMut(&Tick) -> Option<[f64; 3]>;
+
+fn replay_with(
+    robot: &Robot,
+    start: &Start,
+    held: HeldCommand,
+    earlier: &[CommandRow],
+    rows: &[CommandRow],
+    mut push: Option<Push>,
+) -> Result<Vec<ReplayRow>, ReplayError> {
     check_rows(earlier)?;
     check_rows(rows)?;
     let Some(first) = rows.first() else {
@@ -188,7 +202,9 @@ pub fn replay_pushed(
                 held.apply(robot, &rows[next]);
                 next += 1;
             }
-            if free.steps().is_multiple_of(u64::from(SUBSTEPS)) {
+            if let Some(push) = &mut push
+                && free.steps().is_multiple_of(u64::from(SUBSTEPS))
+            {
                 let tick = Tick {
                     number: free.steps() / u64::from(SUBSTEPS),
                     state: free.state(),
@@ -199,7 +215,11 @@ pub fn replay_pushed(
                 }
             }
             free.step(&held.command());
-            history.push(free.state());
+            if history.needs(free.steps(), position) {
+                history.push(free.state());
+            } else {
+                history.skip();
+            }
             if !free.is_finite() {
                 return Err(ReplayError::NotFinite { time_s: now_s });
             }

@@ -34,6 +34,8 @@ const MOST_ABSORBED: usize = 5;
 /// An effect is in the references when it gains this much there, and a run this part of what it gains in the runs.
 const SEEN: f64 = 6.6;
 const BACKGROUND: f64 = 0.35;
+/// An accepted effect of which the references have less than this part is not looked for in them.
+const PERHAPS_SEEN: f64 = 0.1;
 /// Changes below this part of the practical size are calibration.
 const TINY: f64 = 0.7;
 
@@ -327,7 +329,9 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
             break;
         }
         let background = stop.finalists.iter().find(|finalist| match stop.accepted {
-            Some(accepted) => core::ptr::eq(*finalist, &stop.finalists[accepted]),
+            Some(accepted) => {
+                core::ptr::eq(*finalist, &stop.finalists[accepted]) && finalist.in_references > PERHAPS_SEEN
+            }
             None => finalist.in_references > 0.5,
         });
         if let (Some(metric), Some(finalist)) = (&reference_metric, background)

@@ -52,7 +52,7 @@ const MOST_MOVES: usize = 4;
 const FINER: [f64; 5] = [1.0, 0.5, 0.25, 0.12, 0.06];
 const NEAR: [f64; 1] = [0.25];
 /// The same in control ticks for what shifts time.
-const TICKS: [f64; 3] = [1.0, 0.5, 0.25];
+const TICKS: [f64; 2] = [1.0, 0.5];
 const TICK_S: f64 = 1.0 / twin::CONTROL_RATE_HZ as f64;
 /// Dampings that are tried for a step.
 const TRIALS: usize = 4;
@@ -61,6 +61,8 @@ const RAISED: f64 = 1.3;
 const MOST_RAISES: usize = 6;
 /// A law is not linear: a fit may gain this many times what its slopes promise.
 const HOPE: f64 = 4.0;
+/// Slopes serve for a further step when the last one gained this part of what they told.
+const BORNE_OUT: core::ops::Range<f64> = 0.8..1.25;
 /// Steps after which a fit must be better than nothing.
 const PATIENCE: usize = 3;
 
@@ -222,8 +224,14 @@ pub fn fit(problem: &Problem, start: Vec<Member>) -> Option<Fit> {
     let rough = members.iter().any(|member| is_rough(&member.candidate));
     let limited = members.iter().any(has_limit);
     let shifts = free.iter().any(|(m, a)| is_shift(&members[*m].candidate.axes[*a]));
+    // Slopes that a step has borne out serve on, corrected by what it showed.
+    let secant_may_do = !rough && !limited && !shifts;
+    let mut serve_on = false;
     for iteration in 0..MOST_ITERATIONS {
-        slopes = jacobian(&mut search, &members, &free, &now);
+        if !serve_on {
+            slopes = jacobian(&mut search, &members, &free, &now);
+        }
+        serve_on = false;
         let mut vectors: Vec<Vec<&[f64]>> = vec![now.iter().map(Vec::as_slice).collect()];
         vectors.extend(
             slopes
@@ -255,6 +263,12 @@ pub fn fit(problem: &Problem, start: Vec<Member>) -> Option<Fit> {
             if let Some(trial) = search.simulate(&moved) {
                 let trial_energy = search.energy(&trial);
                 if trial_energy < energy {
+                    let made = made(&members, &moved, &free);
+                    let told = told(&normal, &right, &made);
+                    if secant_may_do && BORNE_OUT.contains(&((energy - trial_energy) / told)) {
+                        correct(&mut slopes, &now, &trial, &made);
+                        serve_on = true;
+                    }
                     (members, now, energy) = (moved, trial, trial_energy);
                     damping = (damping * 0.2).max(1e-6);
                     break;
@@ -277,6 +291,7 @@ pub fn fit(problem: &Problem, start: Vec<Member>) -> Option<Fit> {
             if !found {
                 break;
             }
+            serve_on = false;
             damping = 1e-2;
         }
     }
@@ -355,6 +370,46 @@ fn jacobian(search: &mut Search, members: &[Member], free: &[(usize, usize)], no
         columns.push(column);
     }
     columns
+}
+
+/// A step in the units of the normal equations.
+fn made(before: &[Member], after: &[Member], free: &[(usize, usize)]) -> Vec<f64> {
+    let step = |(m, a): &(usize, usize)| {
+        let (from, to) = (before[*m].values[*a], after[*m].values[*a]);
+        (to - from) / scale(&before[*m].candidate.axes[*a], from)
+    };
+    free.iter().map(step).collect()
+}
+
+/// Decrease of the energy that the slopes tell for a step.
+fn told(normal: &Square, right: &[f64], step: &[f64]) -> f64 {
+    let mut told = 0.0;
+    for (i, (a, right)) in step.iter().zip(right).enumerate() {
+        let curved: f64 = step.iter().enumerate().map(|(j, b)| normal.at(i, j) * b).sum();
+        told += a * (2.0 * right - curved);
+    }
+    told
+}
+
+/// Broyden's correction of slopes: the smallest change with which they tell what a step did (Broyden 1965, equation 4.5).
+fn correct(slopes: &mut [Vec<Vec<f64>>], before: &[Vec<f64>], after: &[Vec<f64>], step: &[f64]) {
+    let square: f64 = step.iter().map(|part| part * part).sum();
+    if square == 0.0 {
+        return;
+    }
+    for (record, (before, after)) in before.iter().zip(after).enumerate() {
+        for (row, (before, after)) in before.iter().zip(after).enumerate() {
+            let told: f64 = slopes
+                .iter()
+                .zip(step)
+                .map(|(column, part)| column[record][row] * part)
+                .sum();
+            let missing = (before - after - told) / square;
+            for (column, part) in slopes.iter_mut().zip(step) {
+                column[record][row] += missing * part;
+            }
+        }
+    }
 }
 
 /// Unit of an axis in the normal equations.

@@ -27,6 +27,8 @@ const WEATHER_SIGMA: f64 = 1.0;
 const GAUSS_NEWTON_STEPS: usize = 3;
 /// Times that the sensitivities are taken anew at the calibrated model.
 const LINEARISATIONS: usize = 2;
+/// References that the first of them takes.
+const FIRST_REFERENCES: usize = 4;
 const EXPECTATION_STEPS: usize = 12;
 
 /// The calibrated model with everything that is known about its errors.
@@ -134,12 +136,27 @@ impl Floor {
         }
         floor.references = references;
         floor.residuals = start;
-        for _ in 0..LINEARISATIONS {
+        let (others, their_residuals) = floor.split_off(FIRST_REFERENCES);
+        for time in 0..LINEARISATIONS {
+            if time == 1 {
+                floor.references.extend(others.iter().cloned());
+                let simulated = all_residuals(workers, &others, &floor.model)?.into_iter();
+                let pairs = simulated.zip(&their_residuals);
+                floor
+                    .residuals
+                    .extend(pairs.map(|(calibrated, given)| calibrated.unwrap_or_else(|| given.clone())));
+            }
             let changes = knob_changes(&floor.model, &floor.knobs, stages);
             floor.sensitivities = columns(workers, &floor.references, &floor.residuals, &changes)?;
             floor.fit(workers)?;
         }
         Ok(floor)
+    }
+
+    /// Sets aside all references but the first.
+    fn split_off(&mut self, first: usize) -> (Vec<Record>, Vec<Vec<f64>>) {
+        let kept = first.min(self.references.len());
+        (self.references.split_off(kept), self.residuals.split_off(kept))
     }
 
     /// Takes an effect that the references have as well into the calibrated model.

@@ -334,18 +334,25 @@ pub(super) fn rolling_rows(
     robot: &twin::robot::Robot,
 ) -> Vec<CommandRow> {
     let mut rows = grid(start_s, to_s);
+    let span = |time_s: f64| (time_s + shift_s, time_s + shift_s + 1.0 / GRID_HZ);
+    for (k, wheel) in input.wheels.iter().enumerate() {
+        let Some(wheel) = wheel else { continue };
+        let speeds = wheel.speeds(rows.iter().map(|row| span(row.time_s)));
+        for (row, speed) in rows.iter_mut().zip(speeds) {
+            row.wheel_rad_per_s[k] = Some(speed);
+        }
+    }
     let mut held = held;
     let mut next = 0;
+    let mut sample = 0;
     for row in &mut rows {
-        let (a, b) = (row.time_s + shift_s, row.time_s + shift_s + 1.0 / GRID_HZ);
-        for (k, wheel) in input.wheels.iter().enumerate() {
-            row.wheel_rad_per_s[k] = wheel.as_ref().map(|line| line.speed(a, b));
-        }
+        let (a, b) = span(row.time_s);
         while next < later.len() && later[next].time_s <= row.time_s {
             held.apply(robot, &later[next]);
             next += 1;
         }
-        let measured = input.steering.as_ref().map(|line| line.at(0.5 * (a + b)));
+        let steering = input.steering.as_ref();
+        let measured = steering.map(|line| line.next_at(0.5 * (a + b), &mut sample));
         row.steering_rad = Some(measured.unwrap_or(held.command().steering_rad));
     }
     rows

@@ -33,7 +33,24 @@ impl Line {
 
     /// Value at a time, linear between samples; the ends hold.
     pub fn at(&self, time_s: f64) -> f64 {
-        let after = self.time_s.partition_point(|t| *t < time_s);
+        self.before(self.time_s.partition_point(|t| *t < time_s), time_s)
+    }
+
+    /// The same for times that grow from call to call.
+    ///
+    /// - `after`: the first sample that is not before the time of the call before; 0 at first.
+    pub fn next_at(&self, time_s: f64, after: &mut usize) -> f64 {
+        if *after == 0 {
+            *after = self.time_s.partition_point(|t| *t < time_s);
+        }
+        while self.time_s.get(*after).is_some_and(|t| *t < time_s) {
+            *after += 1;
+        }
+        self.before(*after, time_s)
+    }
+
+    /// Value at a time before which sample `after` is the first that does not lie.
+    fn before(&self, after: usize, time_s: f64) -> f64 {
         match (after.checked_sub(1), self.values.get(after)) {
             (Some(before), Some(value)) => {
                 let (t0, t1) = (self.time_s[before], self.time_s[after]);
@@ -74,12 +91,17 @@ pub enum WheelLine {
 }
 
 impl WheelLine {
-    /// Mean speed over a span of time, rad/s.
-    pub fn speed(&self, from_s: f64, to_s: f64) -> f64 {
-        match self {
-            WheelLine::Angle(line) => (line.at(to_s) - line.at(from_s)) / (to_s - from_s),
-            WheelLine::Speed(line) => line.at(0.5 * (from_s + to_s)),
-        }
+    /// Mean speeds of spans of time, rad/s, each `(from_s, to_s)`; their beginnings grow, and their ends.
+    pub fn speeds(&self, spans: impl Iterator<Item = (f64, f64)>) -> Vec<f64> {
+        let (mut first, mut second) = (0, 0);
+        spans
+            .map(|(from_s, to_s)| match self {
+                WheelLine::Angle(line) => {
+                    (line.next_at(to_s, &mut second) - line.next_at(from_s, &mut first)) / (to_s - from_s)
+                }
+                WheelLine::Speed(line) => line.next_at(0.5 * (from_s + to_s), &mut first),
+            })
+            .collect()
     }
 
     fn line(&self) -> &Line {

@@ -171,7 +171,8 @@ pub(crate) struct History {
     /// Step of the newest state.
     newest: u64,
     capacity: usize,
-    /// How far ahead of a time stamp the trace must be known, s.
+    /// How far behind and ahead of a time stamp the trace must be known, s.
+    back_s: f64,
     pub(crate) ahead_s: f64,
 }
 
@@ -197,6 +198,7 @@ impl History {
             states: VecDeque::from([first]),
             newest: 0,
             capacity,
+            back_s,
             ahead_s,
         }
     }
@@ -206,6 +208,17 @@ impl History {
             self.states.pop_front();
         }
         self.states.push_back(state);
+        self.newest += 1;
+    }
+
+    /// Whether the state after so many steps is needed for time stamps from `position` on, in physics steps.
+    pub(crate) fn needs(&self, steps: u64, position: f64) -> bool {
+        (steps + 2) as f64 >= position - self.back_s * f64::from(PHYSICS_RATE_HZ)
+    }
+
+    /// Goes on by a step whose state is not needed, nor those before it.
+    pub(crate) fn skip(&mut self) {
+        self.states.clear();
         self.newest += 1;
     }
 
