@@ -39,6 +39,8 @@ pub struct Fit {
     /// Change of the prediction per unit of every free axis, `[axis][record]`.
     pub jacobian: Vec<Vec<Vec<f64>>>,
     pub simulations: usize,
+    /// It was given up: it would not have come near the gain that was wanted.
+    pub is_given_up: bool,
 }
 
 const MOST_ITERATIONS: usize = 8;
@@ -61,6 +63,8 @@ const RAISED: f64 = 1.3;
 const MOST_RAISES: usize = 6;
 /// A law is not linear: a fit may gain this many times what its slopes promise.
 const HOPE: f64 = 4.0;
+/// Share of the time that runs must have been beside a patch.
+const BESIDE: f64 = 0.03;
 /// Slopes serve for a further step when the last one gained this part of what they told.
 const BORNE_OUT: core::ops::Range<f64> = 0.8..1.25;
 /// Steps after which a fit must be better than nothing.
@@ -114,16 +118,16 @@ enum Steps {
 
 /// Steps of the pattern searches of a fit.
 ///
-/// - `shifts`: a member shifts time. Set-points act at control ticks, so that the energy is wavy over a shift, with the period of a tick: slopes
+/// - `ticks`: steps for members that shift time. Set-points act at control ticks, so that the energy is wavy over a shift, with the period of a tick: slopes
 ///   lead to the bottom of a wave.
-fn steps_of_search(rough: bool, limited: bool, shifts: bool, searches: usize) -> Vec<Steps> {
+fn steps_of_search(rough: bool, limited: bool, ticks: &[f64], searches: usize) -> Vec<Steps> {
     let sizes: &[f64] = match (rough, limited, searches) {
         (true, _, 0) => &FINER,
         (false, true, 0) => &FINER[..3],
         (false, false, 0) => &NEAR,
         _ => &[],
     };
-    let ticks: &[f64] = if shifts && searches == 0 { &TICKS } else { &[] };
+    let ticks = if searches == 0 { ticks } else { &[] };
     let seconds = ticks.iter().map(|ticks| Steps::Seconds(ticks * TICK_S));
     seconds.chain(sizes.iter().map(|size| Steps::Sizes(*size))).collect()
 }
@@ -170,6 +174,30 @@ impl<'a> Search<'a> {
             .collect()
     }
 
+    /// A patch that all wheels were on, but for a rest of the time.
+    fn is_the_whole_floor(&self, members: &[Member]) -> bool {
+        let wheels = &self.problem.base.description.wheels;
+        let reach_m = wheels
+            .iter()
+            .map(|wheel| libm::hypot(wheel.x_m, wheel.y_m))
+            .fold(0.0, f64::max);
+        let is_inside = |member: &Member| {
+            let [x_m, y_m, radius_m, ..] = &member.values[..] else {
+                return false;
+            };
+            let (mut all, mut beside) = (0, 0);
+            for [x, y] in self.problem.records.iter().flat_map(Record::positions_m) {
+                all += 1;
+                beside += i32::from(libm::hypot(x - x_m, y - y_m) + reach_m > *radius_m);
+            }
+            all > 0 && f64::from(beside) <= BESIDE * f64::from(all)
+        };
+        let mut patches = members
+            .iter()
+            .filter(|member| member.candidate.entry.name == "low_friction_patch");
+        patches.any(is_inside)
+    }
+
     fn energy(&self, residuals: &[Vec<f64>]) -> f64 {
         let vector = residuals.iter().map(Vec::as_slice).collect();
         self.problem.metric.gram(&[vector]).at(0, 0)
@@ -197,7 +225,8 @@ impl Outlook {
     }
 }
 
-/// Fits all finite axes of the members, started at their values. `None` when the start cannot be simulated.
+/// Fits all finite axes of the members, started at their values. `None` when the start cannot be simulated, or when a patch grows over
+/// everything that the runs drove on: that is another floor, no patch.
 pub fn fit(problem: &Problem, start: Vec<Member>) -> Option<Fit> {
     let mut search = Search::new(problem, &start);
     let free = free_axes(&start);
@@ -221,13 +250,23 @@ pub fn fit(problem: &Problem, start: Vec<Member>) -> Option<Fit> {
     let mut covariance = Square::zero(free.len());
     let mut slopes = Vec::new();
     let mut searches = 0;
+    let mut is_given_up = false;
     let rough = members.iter().any(|member| is_rough(&member.candidate));
     let limited = members.iter().any(has_limit);
     let shifts = free.iter().any(|(m, a)| is_shift(&members[*m].candidate.axes[*a]));
     // Slopes that a step has borne out serve on, corrected by what it showed.
     let secant_may_do = !rough && !limited && !shifts;
     let mut serve_on = false;
-    for iteration in 0..MOST_ITERATIONS {
+    // What joins others has been searched for alone.
+    let ticks: &[f64] = match (shifts, members.len()) {
+        (false, _) => &[],
+        (true, 1) => &TICKS,
+        (true, _) => &TICKS[1..],
+    };
+    // A limit that makes the runs worse however high it is raised is none.
+    is_given_up = limited && problem.wanted_gain > 0.0 && energy > base_energy;
+    let iterations = if is_given_up { 0 } else { MOST_ITERATIONS };
+    for iteration in 0..iterations {
         if !serve_on {
             slopes = jacobian(&mut search, &members, &free, &now);
         }
@@ -252,7 +291,8 @@ pub fn fit(problem: &Problem, start: Vec<Member>) -> Option<Fit> {
         };
         let is_flat = promised <= 0.0;
         let may_be_told = !rough || iteration > 1;
-        if (is_flat && !rough) || (may_be_told && outlook.is_hopeless(problem.wanted_gain)) {
+        is_given_up = may_be_told && outlook.is_hopeless(problem.wanted_gain);
+        if (is_flat && !rough) || is_given_up {
             break;
         }
         let before = energy;
@@ -278,12 +318,16 @@ pub fn fit(problem: &Problem, start: Vec<Member>) -> Option<Fit> {
         }
         let gained = before - energy;
         if gained < LEAST_GAIN || gained < LEAST_SHARE * (base_energy - energy) {
-            let steps = steps_of_search(rough, limited, shifts, searches);
+            let steps = steps_of_search(rough, limited, ticks, searches);
             searches += 1;
             let mut found = false;
             for steps in steps {
+                if search.is_the_whole_floor(&members) {
+                    return None;
+                }
                 found |= pattern(&mut search, &mut members, &free, &mut now, &mut energy, steps);
                 if base_energy - energy < problem.wanted_gain {
+                    is_given_up = true;
                     found = false;
                     break;
                 }
@@ -303,6 +347,7 @@ pub fn fit(problem: &Problem, start: Vec<Member>) -> Option<Fit> {
         free,
         jacobian: slopes,
         simulations: search.simulations,
+        is_given_up,
     })
 }
 
@@ -512,6 +557,7 @@ impl Fit {
             free: Vec::new(),
             jacobian: Vec::new(),
             simulations: self.simulations + search.simulations,
+            is_given_up: self.is_given_up,
         })
     }
 
@@ -595,9 +641,40 @@ mod tests {
     #[test]
     fn shifts_of_time_are_searched_in_ticks_once_before_anything_finer() {
         let tick = Steps::Seconds(TICK_S);
-        assert_eq!(steps_of_search(false, false, true, 0)[0], tick);
-        assert_eq!(steps_of_search(false, false, true, 0).len(), TICKS.len() + NEAR.len());
-        assert_eq!(steps_of_search(false, false, false, 0), [Steps::Sizes(NEAR[0])]);
-        assert!(steps_of_search(false, false, true, 1).is_empty());
+        assert_eq!(steps_of_search(false, false, &TICKS, 0)[0], tick);
+        assert_eq!(steps_of_search(false, false, &TICKS, 0).len(), TICKS.len() + NEAR.len());
+        assert_eq!(steps_of_search(false, false, &[], 0), [Steps::Sizes(NEAR[0])]);
+        assert!(steps_of_search(false, false, &TICKS, 1).is_empty());
+    }
+
+    #[test]
+    fn corrected_slopes_tell_what_the_step_did_and_nothing_else_new() {
+        let mut slopes = vec![vec![vec![1.0, 2.0]], vec![vec![0.5, -1.0]]];
+        let (before, after) = (vec![vec![3.0, 4.0]], vec![vec![1.5, 4.5]]);
+        let step = [2.0, -1.0];
+        let across = [1.0, 2.0];
+        let told = |slopes: &[Vec<Vec<f64>>], step: &[f64], row: usize| {
+            slopes[0][0][row] * step[0] + slopes[1][0][row] * step[1]
+        };
+        let old: Vec<f64> = (0..2).map(|row| told(&slopes, &across, row)).collect();
+        correct(&mut slopes, &before, &after, &step);
+        for row in 0..2 {
+            assert!((told(&slopes, &step, row) - (before[0][row] - after[0][row])).abs() < 1e-12);
+            assert!(
+                (told(&slopes, &across, row) - old[row]).abs() < 1e-12,
+                "nothing across the step"
+            );
+        }
+    }
+
+    #[test]
+    fn slopes_tell_the_decrease_of_a_parabola() {
+        // energy (3 - x)^2 + 2 (1 - y)^2, at 0
+        let mut normal = Square::zero(2);
+        normal.set(0, 0, 1.0);
+        normal.set(1, 1, 2.0);
+        let right = [3.0, 2.0];
+        assert!((told(&normal, &right, &[3.0, 1.0]) - 11.0).abs() < 1e-12);
+        assert!((told(&normal, &right, &[1.0, 0.0]) - 5.0).abs() < 1e-12);
     }
 }

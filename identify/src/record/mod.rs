@@ -182,6 +182,15 @@ impl Record {
         self.len() == 0
     }
 
+    /// Measured positions `[x, y]` of all windows, m, means of short spans of time.
+    pub fn positions_m(&self) -> impl Iterator<Item = [f64; 2]> {
+        let chains = self
+            .windows
+            .iter()
+            .flat_map(|window| window.rolling.iter().chain([&window.drive]));
+        chains.flat_map(|chain| chain.poses.iter().map(|pose| [pose.x_m, pose.y_m]))
+    }
+
     /// What every residual is, in their order.
     pub fn places(&self) -> Vec<Place> {
         let mut places = Vec::with_capacity(self.len());

@@ -6,7 +6,10 @@ use crate::screen::{Score, all_residuals};
 use crate::workers::{Cancelled, Workers, gathered};
 use std::collections::BTreeMap;
 
-/// Laws with corners whose fits stay below this share of the best gain of the others are not finished.
+/// Starts that are fitted first, and the share of the best gain so far that the others must come near to be fitted to the end; laws with
+/// corners, which take long, come last.
+const FIRST: usize = 2;
+const AGAINST_FIRST: f64 = 0.1;
 const AGAINST_OTHERS: f64 = 0.25;
 /// Gains on the training runs of two starts that differ by less than this share say nothing about which of them is right.
 const ABOUT: f64 = 0.05;
@@ -31,19 +34,20 @@ pub(super) fn fits(
                 .map(|start| (*candidate, start.clone())),
         );
     }
-    // Laws with corners take long: only those that come near what the others explain are fitted to the end.
-    let (rough, smooth): (Vec<_>, Vec<_>) = starts
+    let (rough, mut first): (Vec<_>, Vec<_>) = starts
         .into_iter()
         .partition(|(position, _)| is_rough(&data.candidates[*position]));
+    let others = first.split_off(FIRST.min(first.len()));
     let mut all: Vec<Fitted> = Vec::new();
-    for (starts, against) in [(smooth, 0.0), (rough, AGAINST_OTHERS)] {
+    for (starts, against) in [(first, 0.0), (others, AGAINST_FIRST), (rough, AGAINST_OTHERS)] {
         let most = all.iter().map(|fitted| fitted.fit.gain).fold(0.0, f64::max);
+        let least = WANTED * threshold * data.share();
         let problem = Problem {
             records: data.coarse.records,
             metric: data.coarse.metric,
             base: data.model,
             residuals: data.coarse.residuals,
-            wanted_gain: (WANTED * threshold * data.share()).max(against * most),
+            wanted_gain: least.max(against * most),
         };
         let results = gathered(workers, starts.len(), &|item| {
             let (position, values) = &starts[item];
@@ -55,8 +59,11 @@ pub(super) fn fits(
         })?;
         let pairs = starts.iter().zip(results);
         all.extend(pairs.filter_map(|((position, _), fit)| {
+            let mut fit = fit?;
+            // What others explain does not make it vain.
+            fit.is_given_up &= problem.wanted_gain > least;
             Some(Fitted {
-                fit: fit?,
+                fit,
                 position: *position,
                 joint: Vec::new(),
             })
@@ -191,6 +198,7 @@ mod tests {
             free: Vec::new(),
             jacobian: Vec::new(),
             simulations: 0,
+            is_given_up: false,
         };
         Fitted {
             fit,

@@ -208,7 +208,8 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Sensitivities) -> R
     let threshold = threshold.max((LAW_REST * data.explained).min(REST_SHARE * rest_of(data)));
     stop.threshold = threshold;
     let fitted = fits(workers, data, &order, &stop.scores, threshold)?;
-    for fitted in fitted.iter().filter(|fitted| fitted.fit.gain < WANTED * threshold) {
+    let is_vain = |fitted: &&Fitted| fitted.fit.gain < WANTED * threshold && !fitted.fit.is_given_up;
+    for fitted in fitted.iter().filter(is_vain) {
         kept.vain.push((fitted.position, stop.scores[fitted.position].gain));
     }
     stop.simulations = fitted.iter().map(|fitted| fitted.fit.simulations).sum();
