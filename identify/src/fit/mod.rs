@@ -250,7 +250,6 @@ pub fn fit(problem: &Problem, start: Vec<Member>) -> Option<Fit> {
     let mut covariance = Square::zero(free.len());
     let mut slopes = Vec::new();
     let mut searches = 0;
-    let mut is_given_up = false;
     let rough = members.iter().any(|member| is_rough(&member.candidate));
     let limited = members.iter().any(has_limit);
     let shifts = free.iter().any(|(m, a)| is_shift(&members[*m].candidate.axes[*a]));
@@ -264,7 +263,7 @@ pub fn fit(problem: &Problem, start: Vec<Member>) -> Option<Fit> {
         (true, _) => &TICKS[1..],
     };
     // A limit that makes the runs worse however high it is raised is none.
-    is_given_up = limited && problem.wanted_gain > 0.0 && energy > base_energy;
+    let mut is_given_up = limited && problem.wanted_gain > 0.0 && energy > base_energy;
     let iterations = if is_given_up { 0 } else { MOST_ITERATIONS };
     for iteration in 0..iterations {
         if !serve_on {
