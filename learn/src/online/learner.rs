@@ -16,7 +16,7 @@ use twin::residual::ResidualDocument;
 use twin::robot::Robot;
 
 /// Uncertainty of a new weight, in units of its output; of a weight that the parent has, as a share of the layer's RMS.
-const NEW_DEVIATION: f64 = 2.0;
+const NEW_DEVIATION: f64 = 0.5;
 const OLD_DEVIATION: f64 = 0.5;
 const OLD_DEVIATION_LEAST: f64 = 0.02;
 /// Share of what is known that each prediction makes older: a memory of 50 s.
@@ -83,18 +83,19 @@ pub struct OnlineLearner {
     counts: Counts,
 }
 
-/// The parent driven along, laid where the robot is seen.
+/// The parent and what is learnt driven along, laid where the robot is seen.
 #[derive(Debug, Clone)]
 struct Carrier {
-    free: FreeRobot,
-    past: Past,
+    parent: (FreeRobot, Past),
+    learnt: (FreeRobot, Past),
     origin: i64,
 }
 
 /// A prediction that has not ended.
 #[derive(Debug, Clone)]
 struct Open {
-    before: FreeRobot,
+    /// Parent, learnt.
+    before: [FreeRobot; 2],
     before_step: i64,
     /// Where the robot was when it began, and what was known.
     begin: Option<(i64, Pose, Vec<f64>)>,
@@ -167,7 +168,8 @@ impl OnlineLearner {
         }
         self.advance(step);
         if let Some(carrier) = &mut self.carrier {
-            carrier.free.lay(pose);
+            carrier.parent.0.lay(pose);
+            carrier.learnt.0.lay(pose);
         }
         for open in self.open.iter_mut().filter(|open| open.begin.is_none()) {
             if step >= open.before_step + RUN_IN_STEPS {
@@ -217,9 +219,10 @@ impl OnlineLearner {
 
     fn carry_from(&mut self, step: i64, pose: Pose) {
         self.open.clear();
+        let resting = (FreeRobot::at_rest(&self.robot, pose), Past::default());
         self.carrier = Some(Carrier {
-            free: FreeRobot::at_rest(&self.robot, pose),
-            past: Past::default(),
+            parent: resting.clone(),
+            learnt: resting,
             origin: step,
         });
     }
@@ -232,13 +235,16 @@ impl OnlineLearner {
         for step in carrier.step()..to {
             if (step - carrier.origin) % STRIDE_STEPS == 0 {
                 self.open.push_back(Open {
-                    before: carrier.free.clone(),
+                    before: [carrier.parent.0.clone(), carrier.learnt.0.clone()],
                     before_step: step,
                     begin: None,
                 });
             }
             let command = self.commands.at(step);
-            self.body().step(&mut carrier.free, &command, &self.parent_weights, &mut carrier.past);
+            let both = [(&mut carrier.parent, self.parent_weights.as_slice()), (&mut carrier.learnt, self.recursion.weights())];
+            for ((free, past), weights) in both {
+                self.body().step(free, &command, weights, past);
+            }
         }
         self.carrier = Some(carrier);
     }
@@ -255,20 +261,23 @@ impl OnlineLearner {
         if over > LATE_STEPS {
             return None;
         }
-        let span = Span {
-            before: open.before,
+        let spans = open.before.map(|before| Span {
+            before,
             before_step: open.before_step,
             begin: (at, begin),
             end_step: step,
-        };
-        self.judge(&span, &weights, seen)
+        });
+        self.judge(&spans, &weights, seen)
     }
 
-    fn judge(&mut self, span: &Span, weights: &[f64], seen: &Pose) -> Option<Prediction> {
+    /// - `spans`: of the parent, of what was learnt.
+    fn judge(&mut self, [alone, span]: &[Span; 2], weights: &[f64], seen: &Pose) -> Option<Prediction> {
         let mut ranges = self.ranges.clone();
-        let drive = |weights: &[f64], ranges| self.body().drive(span, &self.commands, weights, [0.0; 3], ranges);
-        let parent = drive(&self.parent_weights, None);
-        let learnt = drive(weights, Some(&mut ranges));
+        let drive = |span, weights: &[f64], ranges| {
+            self.body().drive(span, &self.commands, weights, [0.0; 3], ranges)
+        };
+        let parent = drive(alone, &self.parent_weights, None);
+        let learnt = drive(span, weights, Some(&mut ranges));
         let moved = [*seen, parent.end].map(|end| difference(&span.begin.1, &end));
         if moved.iter().all(|[x, y, yaw]| (x * x + y * y).sqrt() < RESTING.0 && yaw.abs() < RESTING.1) {
             return None;
@@ -327,7 +336,11 @@ impl OnlineLearner {
         self.recursion = Recursion::new(&self.parent_weights, &self.deviation);
         self.watchdog = Watchdog::default();
         self.scatter[1] = SCATTER_FIRST;
+        if let Some(carrier) = &mut self.carrier {
+            carrier.learnt = carrier.parent.clone();
+        }
         for open in &mut self.open {
+            open.before[1] = open.before[0].clone();
             if let Some((_, _, weights)) = &mut open.begin {
                 weights.clone_from(&self.parent_weights);
             }
@@ -337,7 +350,7 @@ impl OnlineLearner {
 
 impl Carrier {
     fn step(&self) -> i64 {
-        self.origin + self.free.steps() as i64
+        self.origin + self.parent.0.steps() as i64
     }
 }
 
