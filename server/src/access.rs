@@ -90,6 +90,7 @@ pub const RULES: &[Rule] = &[
     rule("POST", "/api/v1/lab/runs/{id}/state", LAB),
     rule("PUT", "/api/v1/lab/runs/{id}/files/{*name}", LAB),
     rule("POST", "/api/v1/lab/runs/{id}/salvage", LAB),
+    rule("POST", "/api/v1/lab/runs/{id}/models", LAB),
 ];
 
 /// Offered by a browser that has to put its token somewhere in a WebSocket handshake.

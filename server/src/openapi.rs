@@ -23,7 +23,7 @@ use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityScheme};
         models::list, models::show, models::of_robot, models::choose, models::gaps, models::set_references,
         diagnoses::submit, diagnoses::list, diagnoses::show, diagnoses::report, diagnoses::page,
         diagnoses::cancel, diagnoses::accept, diagnoses::next_experiment,
-        lab::register, lab::claim, lab::status, lab_stream::stream, lab::heartbeat, lab::state, lab::salvage, lab_files::put,
+        lab::register, lab::claim, lab::status, lab_stream::stream, lab::heartbeat, lab::state, lab::salvage, lab::learned, lab_files::put,
     ),
     modifiers(&Tokens),
     security((), ("token" = []))

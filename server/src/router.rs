@@ -54,7 +54,8 @@ pub fn router(state: AppState) -> Router {
         .route("/api/v1/lab/runs/{id}/heartbeat", post(lab::heartbeat))
         .route("/api/v1/lab/runs/{id}/state", post(lab::state))
         .route("/api/v1/lab/runs/{id}/files/{*name}", put(lab_files::put))
-        .route("/api/v1/lab/runs/{id}/salvage", post(lab::salvage));
+        .route("/api/v1/lab/runs/{id}/salvage", post(lab::salvage))
+        .route("/api/v1/lab/runs/{id}/models", post(lab::learned));
     api.merge(docs::page())
         .fallback(pages::serve)
         // From the inside out

@@ -25,7 +25,7 @@ const EDGES: &[(&str, &[&str])] = &[
     ),
     ("emulator", &["api", "robot"]),
     ("identify", &["twin"]),
-    ("lab", &["api", "control", "localise", "robot", "twin"]),
+    ("lab", &["api", "control", "learn", "localise", "robot", "twin"]),
     ("learn", &["bundles", "identify", "twin"]),
     ("localise", &[]),
     ("robot", &[]),

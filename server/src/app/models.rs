@@ -5,10 +5,12 @@ use super::runs::owner_filter;
 use crate::access::Principal;
 use api::diagnosis::{NOMINAL, RUNS_MOST};
 use api::experiment::Mode;
+use api::lab::LearnedModel;
 use api::model::{ModelView, RobotGaps, RobotModel};
 use api::problem::FieldProblem;
 use api::run::{RunState, RunView};
 use store::Store;
+use twin::model_document::ModelDocument;
 use uuid::Uuid;
 
 /// Newest first; of one robot when given, and only those in use when asked for.
@@ -87,6 +89,43 @@ pub async fn named(
         None => format!("there is no model {wanted:?}"),
     };
     Err(invalid("invalid_model", field, message, limit, "name one of these"))
+}
+
+/// Stores a version that a learning server made from a run.
+pub async fn learned(store: &Store, run: Uuid, learned: &LearnedModel) -> Result<ModelView, AppError> {
+    let run = store.run_get(run).await?.ok_or_else(|| AppError::not_found("run", run))?;
+    let refused = |field: &str, message: String, limit: &str| {
+        invalid("invalid_model", field, message, limit, "hand in what was learned in this run")
+    };
+    let robot = learned.robot.as_str();
+    let experiment = &run.experiment;
+    if experiment.mode == Mode::Virtual || !experiment.robots.iter().any(|other| other.name == robot) {
+        let message = format!("nothing of {robot} was measured in the run {}", run.id);
+        return Err(refused("robot", message, "a robot that drove in the run"));
+    }
+    let document = ModelDocument::parse(&learned.document.to_string())
+        .map_err(|error| refused("document", error.to_string(), "`robopheus.model/1`"))?;
+    if document.robot.name != robot || document.floor != experiment.floor {
+        let message = format!("the document is of {} on {}", document.robot.name, document.floor);
+        let limit = format!("{robot} on {}", experiment.floor);
+        return Err(refused("document", message, &limit));
+    }
+    let parent = match &document.parent {
+        None => None,
+        Some(parent) => {
+            let found = store.model_find(parent).await?;
+            let fits = found.filter(|model| model.robot == robot && model.floor == document.floor);
+            let message = format!("there is no version {parent} of {robot} on {}", document.floor);
+            Some(fits.ok_or_else(|| refused("document.parent", message, "a version of this robot and floor"))?)
+        }
+    };
+    let stored = serde_json::to_value(&document).map_err(|error| refused("document", error.to_string(), "JSON"))?;
+    let id = store
+        .model_put(robot, &document.floor, parent.map(|model| model.id), &stored)
+        .await?;
+    let view = get(store, id).await?;
+    tracing::info!(run.id = %run.id, robot, model = view.version, "version learned in a run");
+    Ok(view)
 }
 
 /// Arena and floor of a registered robot.
