@@ -157,7 +157,10 @@ impl Pupil {
         let wheels = robot.description().wheels.iter().enumerate();
         Ok(Self {
             learner: OnlineLearner::new(parent).map_err(|error| error.to_string())?,
-            driven: wheels.filter(|(_, wheel)| wheel.driven).map(|(place, _)| place).collect(),
+            driven: wheels
+                .filter(|(_, wheel)| wheel.driven)
+                .map(|(place, _)| place)
+                .collect(),
             newest: VecDeque::new(),
             data: Sha256::new(),
         })

@@ -196,8 +196,14 @@ fn a_robot_at_rest_teaches_nothing() {
 fn poses_that_are_none_and_poses_that_jump_are_refused() {
     let spoiled = |step: i64, pose: Pose| match step / POSE_STEPS % 40 {
         17 => Pose { x_m: f64::NAN, ..pose },
-        23 => Pose { yaw_rad: f64::INFINITY, ..pose },
-        31 => Pose { y_m: pose.y_m + 1.5, ..pose },
+        23 => Pose {
+            yaw_rad: f64::INFINITY,
+            ..pose
+        },
+        31 => Pose {
+            y_m: pose.y_m + 1.5,
+            ..pose
+        },
         _ => pose,
     };
     let mut learner = OnlineLearner::new(nominal()).expect("a learner");
@@ -223,7 +229,9 @@ fn what_turns_out_wrong_is_thrown_away_and_learned_anew() {
     drive.change(&plant(Some(&truth(DRAG_PER_S, -3.0))));
     let after = drive.drive(&mut learner, 60, varied, honest);
     let last = &after[after.len() / 2..];
-    let worst = after.windows(20).map(|part| rms(part, |p| p.learnt_m) / rms(part, |p| p.parent_m));
+    let worst = after
+        .windows(20)
+        .map(|part| rms(part, |p| p.learnt_m) / rms(part, |p| p.parent_m));
     assert!(worst.fold(0.0, f64::max) > 1.2, "the change is felt");
     assert!(learner.counts().discarded > before, "{:?}", learner.counts());
     assert!(rms(last, |p| p.learnt_m) < 0.7 * rms(last, |p| p.parent_m));
@@ -233,7 +241,10 @@ fn what_turns_out_wrong_is_thrown_away_and_learned_anew() {
 fn with_hidden() -> ModelDocument {
     let inputs = vec![
         Input::new("forward_m_per_s", -1.0, 1.0).normalised(0.1, 0.4),
-        Input::new("command_wheel_rad_per_s", -20.0, 20.0).at(1).ago(4).normalised(0.0, 8.0),
+        Input::new("command_wheel_rad_per_s", -20.0, 20.0)
+            .at(1)
+            .ago(4)
+            .normalised(0.0, 8.0),
     ];
     let hidden = Layer {
         weights: vec![0.8, -0.3, 0.1, 0.5, -0.2, 0.7],
@@ -264,7 +275,10 @@ fn a_law_pushes_as_the_twin_evaluates_its_document() {
     let (law, weights) = Law::new(residual).expect("a law");
     assert_eq!(law.last_layer(&weights), residual.layers[1]);
     let bare = plant(None);
-    let body = Body { robot: &bare, law: &law };
+    let body = Body {
+        robot: &bare,
+        law: &law,
+    };
     let (mut pushed, mut past) = (FreeRobot::at_rest(&bare, Pose::default()), Past::default());
     let mut evaluated = FreeRobot::at_rest(&document.robot().expect("a robot"), Pose::default());
     for step in 0..10 * STEPS_PER_S {
@@ -286,7 +300,10 @@ fn a_parent_with_hidden_units_keeps_them_and_gets_another_last_layer() {
     let first = &predictions[0];
     assert_eq!(first.parent_m, first.learnt_m);
     let closing = learner.close();
-    assert!(closing.is_better && closing.learnt_rms_m < 0.6 * closing.parent_rms_m, "{closing:?}");
+    assert!(
+        closing.is_better && closing.learnt_rms_m < 0.6 * closing.parent_rms_m,
+        "{closing:?}"
+    );
     let version = learner.version(serde_json::Value::Null).expect("a version");
     assert_eq!(version.parent.as_ref(), Some(&parent.id));
     let [before, after] = [&parent, &version].map(|document| document.residual.clone().expect("a residual"));

@@ -87,7 +87,10 @@ mod tests {
     #[test]
     fn only_the_last_third_decides_and_it_must_be_long_enough() {
         let late = account(|place| if place < 200 { 0.05 } else { 0.005 }, 300);
-        assert!(late.is_better && late.deciding == 100 && late.predictions == 300, "{late:?}");
+        assert!(
+            late.is_better && late.deciding == 100 && late.predictions == 300,
+            "{late:?}"
+        );
         assert!(!account(|place| if place < 200 { 0.001 } else { 0.012 }, 300).is_better);
         assert!(!account(|_| 0.001, 100).is_better, "three blocks");
         assert_eq!(Account::default().close(), Closing::default());

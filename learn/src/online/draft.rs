@@ -92,7 +92,8 @@ pub struct Ranges {
 
 impl Ranges {
     pub fn take(&mut self, seen: &Seen) {
-        self.inputs.resize(seen.inputs.len(), [f64::INFINITY, f64::NEG_INFINITY, 0.0]);
+        self.inputs
+            .resize(seen.inputs.len(), [f64::INFINITY, f64::NEG_INFINITY, 0.0]);
         for ([low, high, sum], value) in self.inputs.iter_mut().zip(&seen.inputs) {
             *low = low.min(*value);
             *high = high.max(*value);

@@ -155,7 +155,11 @@ impl Law {
         let mut out = [0.0; AXES];
         for (output, row) in self.outputs.iter().zip(weights.chunks_exact(self.features)) {
             // From the bias through the features in order.
-            let sum: f64 = row.iter().zip(&seen.features).map(|(weight, feature)| weight * feature).sum();
+            let sum: f64 = row
+                .iter()
+                .zip(&seen.features)
+                .map(|(weight, feature)| weight * feature)
+                .sum();
             out[output.axis] = seen.fade * (output.scale * sum).max(-output.limit).min(output.limit);
         }
         out
@@ -197,7 +201,10 @@ impl Source {
 fn apply(layer: &Layer, units: &[f64]) -> Vec<f64> {
     let rows = layer.weights.chunks_exact(units.len().max(1)).zip(&layer.bias);
     rows.map(|(row, bias)| {
-        let sum = row.iter().zip(units).fold(*bias, |sum, (weight, unit)| sum + weight * unit);
+        let sum = row
+            .iter()
+            .zip(units)
+            .fold(*bias, |sum, (weight, unit)| sum + weight * unit);
         match layer.activation {
             Activation::Linear => sum,
             Activation::Tanh => math::tanh(sum),

@@ -176,7 +176,11 @@ impl OnlineLearner {
                 open.begin = Some((step, pose, self.recursion.weights().to_vec()));
             }
         }
-        let late = |open: &Open| open.begin.as_ref().is_some_and(|(at, _, _)| *at > open.before_step + RUN_IN_STEPS + LATE_STEPS);
+        let late = |open: &Open| {
+            open.begin
+                .as_ref()
+                .is_some_and(|(at, _, _)| *at > open.before_step + RUN_IN_STEPS + LATE_STEPS)
+        };
         self.open.retain(|open| !late(open));
         self.end(step, &pose)
     }
@@ -205,8 +209,14 @@ impl OnlineLearner {
         let parent = &self.parent;
         // A robot without a version has no document that could be named.
         let id = (!self.parent.id.is_empty()).then(|| parent.id.clone());
-        let version = ModelDocument::new(id, parent.robot.clone(), &parent.floor, parent.effects.clone(), provenance)
-            .with_residual(residual);
+        let version = ModelDocument::new(
+            id,
+            parent.robot.clone(),
+            &parent.floor,
+            parent.effects.clone(),
+            provenance,
+        )
+        .with_residual(residual);
         version.robot().is_ok().then_some(version)
     }
 
@@ -241,7 +251,10 @@ impl OnlineLearner {
                 });
             }
             let command = self.commands.at(step);
-            let both = [(&mut carrier.parent, self.parent_weights.as_slice()), (&mut carrier.learnt, self.recursion.weights())];
+            let both = [
+                (&mut carrier.parent, self.parent_weights.as_slice()),
+                (&mut carrier.learnt, self.recursion.weights()),
+            ];
             for ((free, past), weights) in both {
                 self.body().step(free, &command, weights, past);
             }
@@ -273,13 +286,14 @@ impl OnlineLearner {
     /// - `spans`: of the parent, of what was learnt.
     fn judge(&mut self, [alone, span]: &[Span; 2], weights: &[f64], seen: &Pose) -> Option<Prediction> {
         let mut ranges = self.ranges.clone();
-        let drive = |span, weights: &[f64], ranges| {
-            self.body().drive(span, &self.commands, weights, [0.0; 3], ranges)
-        };
+        let drive = |span, weights: &[f64], ranges| self.body().drive(span, &self.commands, weights, [0.0; 3], ranges);
         let parent = drive(alone, &self.parent_weights, None);
         let learnt = drive(span, weights, Some(&mut ranges));
         let moved = [*seen, parent.end].map(|end| difference(&span.begin.1, &end));
-        if moved.iter().all(|[x, y, yaw]| (x * x + y * y).sqrt() < RESTING.0 && yaw.abs() < RESTING.1) {
+        if moved
+            .iter()
+            .all(|[x, y, yaw]| (x * x + y * y).sqrt() < RESTING.0 && yaw.abs() < RESTING.1)
+        {
             return None;
         }
         let errors = [&parent, &learnt].map(|driven| difference(&driven.end, seen));
@@ -291,7 +305,11 @@ impl OnlineLearner {
         }
         let [parent_m, learnt_m] = errors.map(|[x, y, _]| (x * x + y * y).sqrt());
         let astray = self.watchdog.take(parent_m, learnt_m);
-        let learnt_m = if learnt_m.is_finite() { learnt_m } else { parent_m + LOST_M };
+        let learnt_m = if learnt_m.is_finite() {
+            learnt_m
+        } else {
+            parent_m + LOST_M
+        };
         self.counts.predictions += 1;
         self.account.take(parent_m, learnt_m);
         self.ranges = ranges;
@@ -311,10 +329,15 @@ impl OnlineLearner {
     /// Follows the scatter of the errors of a predictor; false for an outlier.
     fn scattered(&mut self, which: usize, error: [f64; 3]) -> bool {
         let scatter = &mut self.scatter[which];
-        let fits = error.iter().zip(scatter.iter()).all(|(error, scatter)| error.abs() <= OUTLIER * scatter);
+        let fits = error
+            .iter()
+            .zip(scatter.iter())
+            .all(|(error, scatter)| error.abs() <= OUTLIER * scatter);
         for ((scatter, error), least) in scatter.iter_mut().zip(error).zip(SCATTER_LEAST) {
             let bounded = error.abs().min(DOUBTFUL * *scatter);
-            *scatter = (*scatter * *scatter + 0.05 * (bounded * bounded - *scatter * *scatter)).sqrt().max(least);
+            *scatter = (*scatter * *scatter + 0.05 * (bounded * bounded - *scatter * *scatter))
+                .sqrt()
+                .max(least);
         }
         fits
     }
@@ -355,13 +378,7 @@ impl Carrier {
 }
 
 /// Change of the end per weight: rows x, y, yaw.
-fn rows(
-    body: Body<'_>,
-    span: &Span,
-    commands: &Commands,
-    weights: &[f64],
-    learnt: &Driven,
-) -> [Vec<f64>; 3] {
+fn rows(body: Body<'_>, span: &Span, commands: &Commands, weights: &[f64], learnt: &Driven) -> [Vec<f64>; 3] {
     let sensitivity = body.sensitivity(span, commands, weights, learnt);
     sensitivity.map(|row| {
         let outputs = body.law.rows();

@@ -39,6 +39,8 @@ pub const RUN_IN_STEPS: i64 = PHYSICS_RATE_HZ as i64 / 10;
 pub enum OnlineError {
     #[error("model: {0}")]
     Model(String),
-    #[error("the residual of the parent ends in a layer that is not linear: its weights cannot be learned during a run")]
+    #[error(
+        "the residual of the parent ends in a layer that is not linear: its weights cannot be learned during a run"
+    )]
     NotLinear,
 }

@@ -52,7 +52,12 @@ impl Recursion {
         let ph: Vec<f64> = self.covariance.chunks_exact(n.max(1)).map(|row| dot(row, h)).collect();
         let s = dot(&ph, h) + variance;
         let innovation = y - dot(&self.weights, h);
-        let next: Vec<f64> = self.weights.iter().zip(&ph).map(|(w, p)| w + p / s * innovation).collect();
+        let next: Vec<f64> = self
+            .weights
+            .iter()
+            .zip(&ph)
+            .map(|(w, p)| w + p / s * innovation)
+            .collect();
         if !s.is_finite() || s <= 0.0 || !next.iter().all(|weight| weight.is_finite()) {
             return false;
         }
@@ -74,7 +79,13 @@ impl Recursion {
         let shrink: Vec<f64> = variances
             .iter()
             .zip(&self.bound)
-            .map(|(variance, bound)| if *variance > *bound { (bound / variance).sqrt() } else { 1.0 })
+            .map(|(variance, bound)| {
+                if *variance > *bound {
+                    (bound / variance).sqrt()
+                } else {
+                    1.0
+                }
+            })
             .collect();
         for (row, i) in self.covariance.chunks_exact_mut(n.max(1)).zip(&shrink) {
             for (entry, j) in row.iter_mut().zip(&shrink) {
@@ -96,7 +107,9 @@ mod tests {
     fn numbers(seed: u64) -> impl FnMut() -> f64 {
         let mut state = seed;
         move || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
             (state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
         }
     }

@@ -1,5 +1,6 @@
 //! Model versions, which one a robot's twin uses, and the runs that count as references.
 
+use super::drift;
 use super::error::AppError;
 use super::runs::owner_filter;
 use crate::access::Principal;
@@ -13,14 +14,21 @@ use store::Store;
 use twin::model_document::ModelDocument;
 use uuid::Uuid;
 
-/// Newest first; of one robot when given, and only those in use when asked for.
-pub async fn list(store: &Store, robot: Option<&str>, current: bool) -> Result<Vec<ModelView>, AppError> {
+/// Newest first; of one robot and floor when given, and only those in use when asked for.
+pub async fn list(
+    store: &Store,
+    robot: Option<&str>,
+    floor: Option<&str>,
+    current: bool,
+) -> Result<Vec<ModelView>, AppError> {
     let mut models = if current {
         store.models_current().await?
     } else {
         store.model_list(robot).await?
     };
-    models.retain(|model| robot.is_none_or(|robot| model.robot == robot));
+    models.retain(|model| {
+        robot.is_none_or(|robot| model.robot == robot) && floor.is_none_or(|floor| model.floor == floor)
+    });
     Ok(models)
 }
 
@@ -93,9 +101,18 @@ pub async fn named(
 
 /// Stores a version that a learning server made from a run.
 pub async fn learned(store: &Store, run: Uuid, learned: &LearnedModel) -> Result<ModelView, AppError> {
-    let run = store.run_get(run).await?.ok_or_else(|| AppError::not_found("run", run))?;
+    let run = store
+        .run_get(run)
+        .await?
+        .ok_or_else(|| AppError::not_found("run", run))?;
     let refused = |field: &str, message: String, limit: &str| {
-        invalid("invalid_model", field, message, limit, "hand in what was learned in this run")
+        invalid(
+            "invalid_model",
+            field,
+            message,
+            limit,
+            "hand in what was learned in this run",
+        )
     };
     let robot = learned.robot.as_str();
     let experiment = &run.experiment;
@@ -137,7 +154,9 @@ pub async fn place(store: &Store, robot: &str) -> Result<(String, String), AppEr
 /// Finished runs of the robot against its current model.
 pub async fn gaps(store: &Store, principal: &Principal, robot: &str) -> Result<RobotGaps, AppError> {
     let (_, floor) = place(store, robot).await?;
-    Ok(store.robot_gaps(robot, &floor, owner_filter(principal)).await?)
+    let mut gaps = store.robot_gaps(robot, &floor, owner_filter(principal)).await?;
+    gaps.drift = drift::drift(&gaps.runs, gaps.horizon_s);
+    Ok(gaps)
 }
 
 /// Replaces the set of runs in which nothing was changed.

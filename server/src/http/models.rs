@@ -20,6 +20,8 @@ use utoipa::IntoParams;
 pub struct Wanted {
     /// Only of this robot.
     robot: Option<String>,
+    /// Only of this floor.
+    floor: Option<String>,
     /// Only those that robots use now.
     #[serde(default)]
     current: bool,
@@ -32,7 +34,13 @@ pub async fn list(
     QueryOf(wanted): QueryOf<Wanted>,
 ) -> Result<Json<Vec<ModelView>>, ApiError> {
     Ok(Json(
-        models::list(state.store(), wanted.robot.as_deref(), wanted.current).await?,
+        models::list(
+            state.store(),
+            wanted.robot.as_deref(),
+            wanted.floor.as_deref(),
+            wanted.current,
+        )
+        .await?,
     ))
 }
 

@@ -279,7 +279,10 @@ impl Programs {
     /// Minutes of processor time.
     fn diagnose(&self) -> Command {
         let mut command = self.nice("15", "robopheus-diagnose-worker");
-        command.env("DATABASE_URL", &self.database_url).arg("--data").arg(&self.data);
+        command
+            .env("DATABASE_URL", &self.database_url)
+            .arg("--data")
+            .arg(&self.data);
         command
     }
 
