@@ -32,6 +32,8 @@ pub struct LearningRun {
     start_us: i64,
     pupils: BTreeMap<u8, Pupil>,
     next_word: i64,
+    /// Records of this run were lost: what was learned from the rest is shown and not kept.
+    is_lossy: bool,
 }
 
 /// What a run taught about one robot.
@@ -41,7 +43,7 @@ pub struct Lesson {
     pub robot: String,
     pub closing: Closing,
     pub discarded: u32,
-    /// Where the learnt one was better at the end.
+    /// Where the learnt one was better at the end and nothing was lost.
     pub version: Option<LearnedModel>,
 }
 
@@ -102,6 +104,11 @@ impl LearningRun {
         heard
     }
 
+    /// Records were lost on their way.
+    pub fn lost(&mut self) {
+        self.is_lossy = true;
+    }
+
     fn step_at(&self, at_us: i64) -> i64 {
         ((at_us - self.start_us) * i64::from(PHYSICS_RATE_HZ) + 500_000).div_euclid(1_000_000)
     }
@@ -143,7 +150,7 @@ impl LearningRun {
         let Some(assignment) = self.assignment else {
             return Vec::new();
         };
-        let lesson = |pupil: Pupil| pupil.finish(assignment.run_id);
+        let lesson = |pupil: Pupil| pupil.finish(assignment.run_id, self.is_lossy);
         self.pupils.into_values().map(lesson).collect()
     }
 }
@@ -223,7 +230,7 @@ impl Pupil {
         })
     }
 
-    fn finish(self, run_id: Uuid) -> Lesson {
+    fn finish(self, run_id: Uuid, is_lossy: bool) -> Lesson {
         let closing = self.learner.close();
         let robot = self.learner.parent().robot.name.clone();
         let sha256: String = self.data.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
@@ -233,7 +240,9 @@ impl Pupil {
             "learned_online": {"run": run_id, "closing": closing},
             "library_version": twin::VERSION,
         });
-        let version = closing.is_better.then(|| self.learner.version(provenance)).flatten();
+        let version = (closing.is_better && !is_lossy)
+            .then(|| self.learner.version(provenance))
+            .flatten();
         let version = version.and_then(|document| {
             Some(LearnedModel {
                 robot: robot.clone(),

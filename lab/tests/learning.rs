@@ -156,3 +156,20 @@ fn a_server_that_comes_late_learns_the_rest() {
         "{lessons:?}"
     );
 }
+
+#[test]
+fn a_run_with_lost_records_gives_no_version() {
+    let parent = version(&assignment("rectangle-omni4.json", Mode::Interactive), false);
+    let mut run = LearningRun::default();
+    let mut lessons = Vec::new();
+    for (place, record) in records(Mode::Interactive, Some(&parent)).iter().enumerate() {
+        if place == 500 {
+            run.lost();
+        }
+        lessons.extend(run.take(record).lessons);
+    }
+    assert!(
+        lessons[0].closing.is_better && lessons[0].version.is_none(),
+        "{lessons:?}"
+    );
+}

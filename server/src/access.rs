@@ -74,6 +74,7 @@ pub const RULES: &[Rule] = &[
     rule("PUT", "/api/v1/robots/{robot}/references", OPERATORS),
     rule("GET", "/api/v1/models", PEOPLE),
     rule("GET", "/api/v1/models/{id}", PEOPLE),
+    rule("GET", "/api/v1/models/{id}/onnx", PEOPLE),
     rule("POST", "/api/v1/diagnoses", PEOPLE),
     rule("GET", "/api/v1/diagnoses", PEOPLE),
     rule("GET", "/api/v1/diagnoses/{id}", PEOPLE),

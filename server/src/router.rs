@@ -36,6 +36,7 @@ pub fn router(state: AppState) -> Router {
         .route("/api/v1/robots/{robot}/references", put(models::set_references))
         .route("/api/v1/models", get(models::list))
         .route("/api/v1/models/{id}", get(models::show))
+        .route("/api/v1/models/{id}/onnx", get(models::onnx))
         .route("/api/v1/diagnoses", post(diagnoses::submit).get(diagnoses::list))
         .route("/api/v1/diagnoses/{id}", get(diagnoses::show))
         .route("/api/v1/diagnoses/{id}/report.json", get(diagnoses::report))

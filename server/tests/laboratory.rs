@@ -7,7 +7,7 @@ use reqwest::{Method, StatusCode};
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
 use store::Role;
-use support::{Attempt, Service, eventually, problem, sha256};
+use support::{Attempt, Service, eventually, id, problem, sha256};
 use tokio_tungstenite::tungstenite::Message;
 use tokio_tungstenite::tungstenite::client::IntoClientRequest as _;
 use tokio_tungstenite::{MaybeTlsStream, WebSocketStream, connect_async};
@@ -461,6 +461,26 @@ async fn a_version_that_was_learned_in_a_run_is_kept_and_not_used_by_itself() {
     }
     let models = service.get("/models?robot=omni-01").await;
     assert_eq!(models.as_array().map(Vec::len), Some(2));
+    let bare = format!("/models/{}/onnx", id(&stored["id"]));
+    let answer = service.call(Method::GET, &bare).send().await.expect("answer");
+    assert_eq!(answer.status(), StatusCode::NOT_FOUND, "it has no residual");
+    let residual = json!({"format": "robopheus.residual/1", "fade": 0.25,
+        "inputs": [{"name": "forward_m_per_s", "mean": 0.0, "scale": 0.5, "low": -1.0, "high": 1.0}],
+        "layers": [{"weights": [-0.4], "bias": [0.1], "activation": "linear"}],
+        "outputs": [{"name": "acceleration_forward_m_per_s2", "scale": 1.0, "limit": 2.0}]});
+    let mut carrying = document("omni-01", &floor, Value::Null, 4);
+    (carrying["id"], carrying["residual"]) = (json!(""), residual);
+    let carrying = service
+        .lab(&path, &json!({"robot": "omni-01", "document": carrying}))
+        .await;
+    let path = format!("/models/{}/onnx", id(&carrying["id"]));
+    let answer = service.call(Method::GET, &path).send().await.expect("answer");
+    assert_eq!(
+        answer.headers()["content-disposition"],
+        "attachment; filename=\"omni-01-3.onnx\""
+    );
+    let file = learn::onnx::parse(&answer.bytes().await.expect("bytes")).expect("an ONNX file");
+    assert!(file.graph.is_some_and(|graph| !graph.node.is_empty()));
     let elsewhere = service.get("/models?robot=omni-01&floor=moon").await;
     assert_eq!(elsewhere, json!([]));
     service.stop().await;

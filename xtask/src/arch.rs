@@ -30,7 +30,7 @@ const EDGES: &[(&str, &[&str])] = &[
     ("localise", &[]),
     ("robot", &[]),
     ("scheduler", &["api", "bundles", "control", "identify", "store", "twin"]),
-    ("server", &["api", "control", "store", "twin"]),
+    ("server", &["api", "control", "learn", "store", "twin"]),
     ("sim-wasm", &["control", "twin"]),
     ("store", &["api"]),
     ("system-tests", &["api"]),

@@ -72,7 +72,8 @@ fn follow(mut stream: TcpStream, lessons: &SyncSender<Lesson>) -> Result<()> {
         let line = line?;
         // Words about lost lines are no records.
         let Ok(record) = serde_json::from_str::<Record>(&line) else {
-            tracing::warn!(line, "not a record");
+            tracing::warn!(line, "not a record: nothing of this run is kept");
+            run.lost();
             continue;
         };
         let heard = run.take(&record);

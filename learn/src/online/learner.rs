@@ -1,15 +1,14 @@
 //! One robot, learned while it drives.
 
+use super::OnlineError;
 use super::closing::{Account, Closing};
 use super::draft::{self, Ranges};
-use super::law::{Law, Past};
+use super::law::Law;
 use super::recursion::Recursion;
 use super::span::{Body, Commands, Driven, Span, difference};
+use super::track::{Drivers, Due, Track};
 use super::watchdog::Watchdog;
-use super::{HORIZON_STEPS, OnlineError, RUN_IN_STEPS, STRIDE_STEPS};
-use std::collections::VecDeque;
 use twin::command::WheelCommand;
-use twin::free::FreeRobot;
 use twin::model_document::ModelDocument;
 use twin::pose::Pose;
 use twin::residual::ResidualDocument;
@@ -29,17 +28,12 @@ const SCATTER_LEAST: [f64; 3] = [0.002, 0.002, 0.004];
 /// Scatters: beyond the first an error counts less, beyond the second it is refused.
 const DOUBTFUL: f64 = 3.0;
 const OUTLIER: f64 = 6.0;
-/// A pose this much later than the one that was waited for begins or ends no prediction, physics steps.
-const LATE_STEPS: i64 = 24;
 /// A robot that moved and was to move less than this did not move, m and rad.
 const RESTING: (f64, f64) = (0.005, 0.01);
 /// A prediction that is no number is this much worse than the parent's, m.
 const LOST_M: f64 = 1.0;
 /// What was learnt is thrown away so often; then the run goes on with the parent alone.
 const DISCARDS_MOST: u32 = 3;
-/// Longest silence that the twin is driven through, physics steps: 1 s.
-const SILENCE_STEPS: i64 = 480;
-
 /// A prediction whose end was seen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Prediction {
@@ -74,31 +68,12 @@ pub struct OnlineLearner {
     deviation: Vec<f64>,
     recursion: Recursion,
     commands: Commands,
-    carrier: Option<Carrier>,
-    open: VecDeque<Open>,
+    track: Option<Track>,
     scatter: [[f64; 3]; 2],
     watchdog: Watchdog,
     account: Account,
     ranges: Ranges,
     counts: Counts,
-}
-
-/// The parent and what is learnt driven along, laid where the robot is seen.
-#[derive(Debug, Clone)]
-struct Carrier {
-    parent: (FreeRobot, Past),
-    learnt: (FreeRobot, Past),
-    origin: i64,
-}
-
-/// A prediction that has not ended.
-#[derive(Debug, Clone)]
-struct Open {
-    /// Parent, learnt.
-    before: [FreeRobot; 2],
-    before_step: i64,
-    /// Where the robot was when it began, and what was known.
-    begin: Option<(i64, Pose, Vec<f64>)>,
 }
 
 impl OnlineLearner {
@@ -129,8 +104,7 @@ impl OnlineLearner {
             parent_weights,
             deviation,
             commands: Commands::default(),
-            carrier: None,
-            open: VecDeque::new(),
+            track: None,
             scatter: [SCATTER_FIRST; 2],
             watchdog: Watchdog::default(),
             account: Account::default(),
@@ -146,43 +120,28 @@ impl OnlineLearner {
             return;
         }
         self.commands.push(step, command);
-        if self.carrier.is_none() {
-            self.carry_from(step, Pose::default());
+        if self.track.is_none() {
+            self.track = Some(Track::new(self.body(), step, Pose::default()));
         }
     }
 
     /// Takes a believed pose at a physics step; at most one prediction ends with it. Poses that are older than the newest are
-    /// passed over. Cost: at most 1 s of the twin, and six spans of 0.6 s when a prediction ends.
+    /// passed over. Cost: at most 1 s of the twin, and five spans of 0.6 s when a prediction ends.
     pub fn pose(&mut self, step: i64, pose: Pose) -> Option<Prediction> {
         if !pose.is_finite() {
             self.counts.refused += 1;
             return None;
         }
-        let carried = self.carrier.as_ref()?.step();
-        if step < carried {
-            return None;
-        }
-        if step - carried > SILENCE_STEPS {
-            self.carry_from(step, pose);
-            return None;
-        }
-        self.advance(step);
-        if let Some(carrier) = &mut self.carrier {
-            carrier.parent.0.lay(pose);
-            carrier.learnt.0.lay(pose);
-        }
-        for open in self.open.iter_mut().filter(|open| open.begin.is_none()) {
-            if step >= open.before_step + RUN_IN_STEPS {
-                open.begin = Some((step, pose, self.recursion.weights().to_vec()));
-            }
-        }
-        let late = |open: &Open| {
-            open.begin
-                .as_ref()
-                .is_some_and(|(at, _, _)| *at > open.before_step + RUN_IN_STEPS + LATE_STEPS)
+        let mut track = self.track.take()?;
+        let drivers = Drivers {
+            body: self.body(),
+            commands: &self.commands,
+            parent_weights: &self.parent_weights,
+            weights: self.recursion.weights(),
         };
-        self.open.retain(|open| !late(open));
-        self.end(step, &pose)
+        let due = track.see(drivers, step, pose);
+        self.track = Some(track);
+        self.judge(&due?, &pose)
     }
 
     /// What happened so far.
@@ -227,64 +186,8 @@ impl OnlineLearner {
         }
     }
 
-    fn carry_from(&mut self, step: i64, pose: Pose) {
-        self.open.clear();
-        let resting = (FreeRobot::at_rest(&self.robot, pose), Past::default());
-        self.carrier = Some(Carrier {
-            parent: resting.clone(),
-            learnt: resting,
-            origin: step,
-        });
-    }
-
-    /// Drives the carrier to a step, and remembers it where predictions will begin.
-    fn advance(&mut self, to: i64) {
-        let Some(mut carrier) = self.carrier.take() else {
-            return;
-        };
-        for step in carrier.step()..to {
-            if (step - carrier.origin) % STRIDE_STEPS == 0 {
-                self.open.push_back(Open {
-                    before: [carrier.parent.0.clone(), carrier.learnt.0.clone()],
-                    before_step: step,
-                    begin: None,
-                });
-            }
-            let command = self.commands.at(step);
-            let both = [
-                (&mut carrier.parent, self.parent_weights.as_slice()),
-                (&mut carrier.learnt, self.recursion.weights()),
-            ];
-            for ((free, past), weights) in both {
-                self.body().step(free, &command, weights, past);
-            }
-        }
-        self.carrier = Some(carrier);
-    }
-
-    /// Ends the oldest prediction when it is due.
-    fn end(&mut self, step: i64, seen: &Pose) -> Option<Prediction> {
-        let (at, _, _) = self.open.front()?.begin.as_ref()?;
-        let over = step - at - HORIZON_STEPS;
-        if over < 0 {
-            return None;
-        }
-        let open = self.open.pop_front()?;
-        let (at, begin, weights) = open.begin?;
-        if over > LATE_STEPS {
-            return None;
-        }
-        let spans = open.before.map(|before| Span {
-            before,
-            before_step: open.before_step,
-            begin: (at, begin),
-            end_step: step,
-        });
-        self.judge(&spans, &weights, seen)
-    }
-
-    /// - `spans`: of the parent, of what was learnt.
-    fn judge(&mut self, [alone, span]: &[Span; 2], weights: &[f64], seen: &Pose) -> Option<Prediction> {
+    fn judge(&mut self, due: &Due, seen: &Pose) -> Option<Prediction> {
+        let ([alone, span], weights) = (&due.spans, due.weights.as_slice());
         let mut ranges = self.ranges.clone();
         let drive = |span, weights: &[f64], ranges| self.body().drive(span, &self.commands, weights, [0.0; 3], ranges);
         let parent = drive(alone, &self.parent_weights, None);
@@ -359,21 +262,9 @@ impl OnlineLearner {
         self.recursion = Recursion::new(&self.parent_weights, &self.deviation);
         self.watchdog = Watchdog::default();
         self.scatter[1] = SCATTER_FIRST;
-        if let Some(carrier) = &mut self.carrier {
-            carrier.learnt = carrier.parent.clone();
+        if let Some(track) = &mut self.track {
+            track.forget(&self.parent_weights);
         }
-        for open in &mut self.open {
-            open.before[1] = open.before[0].clone();
-            if let Some((_, _, weights)) = &mut open.begin {
-                weights.clone_from(&self.parent_weights);
-            }
-        }
-    }
-}
-
-impl Carrier {
-    fn step(&self) -> i64 {
-        self.origin + self.parent.0.steps() as i64
     }
 }
 

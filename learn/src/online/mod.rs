@@ -20,6 +20,7 @@ pub mod law;
 pub mod learner;
 pub mod recursion;
 pub mod span;
+pub mod track;
 pub mod watchdog;
 
 pub use closing::Closing;

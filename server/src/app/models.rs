@@ -39,6 +39,20 @@ pub async fn get(store: &Store, id: Uuid) -> Result<ModelView, AppError> {
         .ok_or_else(|| AppError::not_found("model", id))
 }
 
+/// The residual of a version as an ONNX file: its name and its bytes.
+pub async fn onnx(store: &Store, id: Uuid) -> Result<(String, Vec<u8>), AppError> {
+    let model = get(store, id).await?;
+    let corrupt = || AppError::Corrupt {
+        what: format!("the model {}", model.version),
+    };
+    let document = ModelDocument::parse(&model.document.to_string()).map_err(|_| corrupt())?;
+    if document.residual.is_none() {
+        return Err(AppError::not_found("learned residual of the model", &model.version));
+    }
+    let bytes = learn::onnx::export(&document).map_err(|_| corrupt())?;
+    Ok((format!("{}.onnx", model.version.replace('/', "-")), bytes))
+}
+
 /// Which model the robot's twin uses, and since when.
 pub async fn of_robot(store: &Store, robot: &str) -> Result<RobotModel, AppError> {
     let (_, floor) = place(store, robot).await?;
