@@ -127,6 +127,17 @@ pub struct SalvageReport {
     pub ticks_missed: Option<i64>,
 }
 
+/// Body of `POST /api/v1/lab/runs/{id}/models`: a version that was learned in a run.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct LearnedModel {
+    pub robot: String,
+    /// `robopheus.model/1`; its parent is a version of this robot and floor, or null.
+    #[cfg_attr(feature = "openapi", schema(value_type = Object))]
+    pub document: serde_json::Value,
+}
+
 /// Body of `POST /api/v1/lab/status`: robots' health, about once a second.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -16,6 +16,9 @@ pub struct LiveFrame {
     /// Where the virtual robots are; empty without a virtual side.
     #[serde(default)]
     pub shadow: Vec<LiveShadow>,
+    /// How well the robots are predicted; empty without a learning server.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub learning: Vec<LiveLearning>,
     /// How long the stages from light to command took since the last frame.
     #[serde(default)]
     pub stages: Option<LiveStages>,
@@ -28,6 +31,16 @@ pub struct LiveShadow {
     pub x_m: f64,
     pub y_m: f64,
     pub yaw_rad: f64,
+}
+
+/// Distance between where a robot was seen and where it was predicted 0.5 s before, RMS over the last two seconds of motion.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LiveLearning {
+    pub name: String,
+    /// By the model that the run began with.
+    pub parent_m: f64,
+    /// By what was learned in the run.
+    pub learnt_m: f64,
 }
 
 /// Means since the last frame of one run's picture.

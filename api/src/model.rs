@@ -115,6 +115,22 @@ pub struct RobotGaps {
     pub floor_position_m: Option<f64>,
     /// A run above this asks for a diagnosis by itself.
     pub limit_position_m: Option<f64>,
+    /// The newest runs are much further from the model than those before.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub drift: Option<Drift>,
     /// Newest first.
     pub runs: Vec<RunGap>,
+}
+
+/// A robot has moved away from its model.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct Drift {
+    /// End of the first of the newest runs in a row that are that far off.
+    pub since: Option<DateTime<Utc>>,
+    /// Median gaps of the newest runs and of those before.
+    pub newest_m: f64,
+    pub before_m: f64,
+    /// The one over the other; at least 2.
+    pub factor: f64,
 }

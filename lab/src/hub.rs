@@ -1,4 +1,4 @@
-//! The in-memory hub: records of the run to whoever subscribes over TCP, and the virtual side's poses back.
+//! The in-memory hub: records of the run to whoever subscribes over TCP, and what the virtual and the learning side say back.
 //!
 //! One line of JSON a record, as in the journal. A subscriber that comes late gets the start of the run first. A slow one
 //! loses lines, is told how many, and delays nobody. Only this machine can subscribe; others go through a tunnel.
@@ -141,15 +141,15 @@ impl Hub {
                 return Ok(());
             }
             match serde_json::from_slice(&line) {
-                Ok(record @ Record::Shadow(_)) => self.take_shadow(record),
-                Ok(_) => return Err(io::Error::other("only shadow records can be published")),
+                Ok(record @ (Record::Shadow(_) | Record::Learning(_))) => self.take(record),
+                Ok(_) => return Err(io::Error::other("only shadow and learning records can be published")),
                 Err(error) => return Err(error.into()),
             }
         }
     }
 
-    /// Poses of the virtual side: into the record, which shows them live and publishes them to everybody.
-    fn take_shadow(&self, record: Record) {
+    /// What other servers say of the run: into the record, which shows it live and publishes it to everybody.
+    fn take(&self, record: Record) {
         let recorder = self.state().recorder.clone();
         if let Some(recorder) = recorder {
             recorder.push_spare(record);
@@ -257,7 +257,7 @@ mod tests {
     }
 
     #[test]
-    fn only_shadows_can_be_published() {
+    fn only_words_of_other_servers_can_be_published() {
         let (hub, address) = hub("publish");
         let mut good = TcpStream::connect(address).expect("connects");
         let mut bad = TcpStream::connect(address).expect("connects");

@@ -1,9 +1,9 @@
 //! The live picture: folds records into a frame for watchers about twenty times a second.
 
 use crate::live_stages::StageMeans;
-use crate::record::{Record, SafetyKind, ShadowPose};
+use crate::record::{LearningGap, Record, SafetyKind, ShadowPose};
 use api::CONTROL_HZ;
-use api::live::{LiveFrame, LiveRobot, LiveShadow};
+use api::live::{LiveFrame, LiveLearning, LiveRobot, LiveShadow};
 use std::collections::BTreeMap;
 use uuid::Uuid;
 
@@ -12,6 +12,8 @@ pub(crate) const TICKS_PER_FRAME: i64 = 6;
 
 /// Virtual poses older than this are not shown.
 const SHADOW_OLD_TICKS: i64 = 30;
+/// Nor are figures of predictions.
+const LEARNING_OLD_TICKS: i64 = 120;
 
 /// What watchers of one run see.
 #[derive(Debug, Clone)]
@@ -26,6 +28,8 @@ pub struct LivePicture {
     stages: StageMeans,
     /// Newest virtual poses and their tick.
     shadow: (i64, Vec<LiveShadow>),
+    /// Newest figures of the predictions and their tick.
+    learning: (i64, Vec<LiveLearning>),
 }
 
 impl LivePicture {
@@ -56,6 +60,7 @@ impl LivePicture {
             next_frame_tick: i64::MIN,
             stages: StageMeans::default(),
             shadow: (i64::MIN, Vec::new()),
+            learning: (i64::MIN, Vec::new()),
         }
     }
 
@@ -100,6 +105,16 @@ impl LivePicture {
                 };
                 self.shadow = (shadow.tick, shadow.robots.iter().filter_map(virtual_robot).collect());
             }
+            Record::Learning(learning) => {
+                let figures = |gap: &LearningGap| {
+                    Some(LiveLearning {
+                        name: self.robots.get(*self.places.get(&gap.robot)?)?.name.clone(),
+                        parent_m: gap.parent_m,
+                        learnt_m: gap.learnt_m,
+                    })
+                };
+                self.learning = (learning.tick, learning.robots.iter().filter_map(figures).collect());
+            }
             Record::Tick(tick) if tick.tick >= self.next_frame_tick => {
                 self.next_frame_tick = tick.tick + TICKS_PER_FRAME;
                 return Some(self.frame(tick.tick, tick.missed));
@@ -127,6 +142,11 @@ impl LivePicture {
             ticks_missed,
             shadow: if tick.saturating_sub(self.shadow.0) <= SHADOW_OLD_TICKS {
                 self.shadow.1.clone()
+            } else {
+                Vec::new()
+            },
+            learning: if tick.saturating_sub(self.learning.0) <= LEARNING_OLD_TICKS {
+                self.learning.1.clone()
             } else {
                 Vec::new()
             },

@@ -22,6 +22,7 @@ pub enum Record {
     Telemetry(Telemetry),
     Intervention(Intervention),
     Shadow(Shadow),
+    Learning(Learning),
     /// A plain 8.33 ms sleep of another thread took this much longer.
     SleepLate(i64),
     Log(Log),
@@ -174,6 +175,29 @@ pub struct ShadowPose {
     /// How far the last believed pose was from what the twin expected there 0.5 s before; when it follows its robot.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gap_m: Option<f64>,
+}
+
+/// How well robots are predicted, from the learning server.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Learning {
+    pub tick: i64,
+    /// When the tick was due.
+    pub at_us: i64,
+    pub robots: Vec<LearningGap>,
+}
+
+/// Distance between where a robot was seen and where it was predicted 0.5 s before, RMS over the last two seconds of motion.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct LearningGap {
+    pub robot: u8,
+    /// By the model that the run began with.
+    pub parent_m: f64,
+    /// By what was learned in the run, as it was when the prediction began.
+    pub learnt_m: f64,
+    /// Predictions of the run so far.
+    pub predictions: u64,
+    /// Times that what was learned was thrown away.
+    pub discarded: u32,
 }
 
 /// The safety filter changed a command.

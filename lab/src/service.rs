@@ -3,8 +3,10 @@
 use api::BASE_PATH;
 use api::arena::ArenaView;
 use api::lab::{
-    Assignment, ClaimRequest, Heartbeat, HeartbeatReply, LabDescription, LabStatus, SalvageReport, StateReport,
+    Assignment, ClaimRequest, Heartbeat, HeartbeatReply, LabDescription, LabStatus, LearnedModel, SalvageReport,
+    StateReport,
 };
+use api::model::ModelView;
 use api::problem::Problem;
 use api::run::RunView;
 use reqwest::{Body, Client, Method, RequestBuilder, Response, StatusCode};
@@ -174,6 +176,12 @@ impl Service {
     /// Closes an attempt that an earlier process left behind; the run as it is then.
     pub async fn salvage(&self, run_id: Uuid, report: &SalvageReport) -> Result<RunView, ServiceError> {
         self.ask(&format!("/lab/runs/{run_id}/salvage"), report, REQUEST_TIMEOUT)
+            .await
+    }
+
+    /// Hands in a version that was learned in a run; the same document again is the same version.
+    pub async fn learned(&self, run_id: Uuid, model: &LearnedModel) -> Result<ModelView, ServiceError> {
+        self.ask(&format!("/lab/runs/{run_id}/models"), model, REQUEST_TIMEOUT)
             .await
     }
 

@@ -3,78 +3,15 @@
 mod fixture;
 
 use api::experiment::Mode;
-use api::lab::{Assignment, LabDescription};
 use control::rehearsal::Rehearsal;
-use control::scenario::Scenario;
+use fixture::twin_run::{assignment, run, scenario};
 use fixture::{Folder, START_US};
 use lab::archive;
 use lab::journal::JournalWriter;
-use lab::record::{End, Motion, Record, Start, Tick};
+use lab::record::{End, Record};
 use lab::safety::Ending;
 use lab::shadow::ShadowRun;
-use lab::virtual_run::{CAMERA, VirtualEnding, VirtualRun};
-
-/// The example of a robot on a rectangle, or of ten that swap places.
-fn assignment(example: &str, mode: Mode) -> Assignment {
-    let path = fixture::repository().join("examples/experiments").join(example);
-    let mut experiment: api::experiment::Experiment =
-        serde_json::from_slice(&std::fs::read(path).expect("an example")).expect("an experiment");
-    experiment.mode = mode;
-    let lab: LabDescription =
-        serde_json::from_str(include_str!("../../examples/lab/reference.json")).expect("a laboratory");
-    let robot = |wanted: &api::experiment::ExperimentRobot| {
-        let mut robots = lab.robots.iter();
-        let robot = robots.find(|robot| robot.description.name == wanted.name);
-        robot.expect("a robot of the laboratory").clone()
-    };
-    Assignment {
-        robots: experiment.robots.iter().map(robot).collect(),
-        experiment,
-        arena: lab.arena,
-        ..fixture::assignment()
-    }
-}
-
-fn scenario(assignment: &Assignment) -> Scenario {
-    lab::carry_out::scenario(assignment).expect("a scenario")
-}
-
-/// All records of a virtual run from its start to its end, and its digest.
-fn run(assignment: &Assignment) -> (Vec<Record>, VirtualEnding, String) {
-    let start = Start {
-        assignment: assignment.clone(),
-        wall: "2026-03-01T12:00:00Z".parse().expect("a date"),
-        at_us: START_US - 1_000_000,
-    };
-    let realtime = lab::realtime::Realtime {
-        fifo: false,
-        locked: false,
-    };
-    let mut records = vec![
-        Record::Start(Box::new(start)),
-        Record::Motion(Motion {
-            start_us: START_US,
-            realtime,
-        }),
-    ];
-    let mut run = VirtualRun::new(&scenario(assignment), assignment, START_US).expect("a run");
-    run.begin(&mut records);
-    loop {
-        let (tick, due_us) = (run.tick(), run.due_us(run.tick()));
-        let ended = run.step(&mut records);
-        records.push(Record::Tick(Tick {
-            tick,
-            due_us,
-            woke_us: due_us,
-            done_us: due_us,
-            missed: 0,
-            exposure_us: due_us,
-        }));
-        if let Some(ending) = ended {
-            return (records, ending, run.digest());
-        }
-    }
-}
+use lab::virtual_run::{CAMERA, VirtualEnding};
 
 #[test]
 fn a_virtual_run_is_the_rehearsal_to_the_bit() {

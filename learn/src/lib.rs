@@ -15,6 +15,7 @@ pub mod evaluate;
 pub mod inputs;
 pub mod linear;
 pub mod network;
+pub mod online;
 pub mod onnx;
 pub mod problem;
 pub mod report;

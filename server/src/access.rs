@@ -74,6 +74,7 @@ pub const RULES: &[Rule] = &[
     rule("PUT", "/api/v1/robots/{robot}/references", OPERATORS),
     rule("GET", "/api/v1/models", PEOPLE),
     rule("GET", "/api/v1/models/{id}", PEOPLE),
+    rule("GET", "/api/v1/models/{id}/onnx", PEOPLE),
     rule("POST", "/api/v1/diagnoses", PEOPLE),
     rule("GET", "/api/v1/diagnoses", PEOPLE),
     rule("GET", "/api/v1/diagnoses/{id}", PEOPLE),
@@ -90,6 +91,7 @@ pub const RULES: &[Rule] = &[
     rule("POST", "/api/v1/lab/runs/{id}/state", LAB),
     rule("PUT", "/api/v1/lab/runs/{id}/files/{*name}", LAB),
     rule("POST", "/api/v1/lab/runs/{id}/salvage", LAB),
+    rule("POST", "/api/v1/lab/runs/{id}/models", LAB),
 ];
 
 /// Offered by a browser that has to put its token somewhere in a WebSocket handshake.

@@ -20,10 +20,10 @@ use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityScheme};
         experiments::submit, experiments::list, experiments::show,
         runs::list, runs::show, runs::cancel, live::live, events::events, archives::archive, archives::file,
         robots::list, arenas::list,
-        models::list, models::show, models::of_robot, models::choose, models::gaps, models::set_references,
+        models::list, models::show, models::onnx, models::of_robot, models::choose, models::gaps, models::set_references,
         diagnoses::submit, diagnoses::list, diagnoses::show, diagnoses::report, diagnoses::page,
         diagnoses::cancel, diagnoses::accept, diagnoses::next_experiment,
-        lab::register, lab::claim, lab::status, lab_stream::stream, lab::heartbeat, lab::state, lab::salvage, lab_files::put,
+        lab::register, lab::claim, lab::status, lab_stream::stream, lab::heartbeat, lab::state, lab::salvage, lab::learned, lab_files::put,
     ),
     modifiers(&Tokens),
     security((), ("token" = []))

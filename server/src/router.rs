@@ -36,6 +36,7 @@ pub fn router(state: AppState) -> Router {
         .route("/api/v1/robots/{robot}/references", put(models::set_references))
         .route("/api/v1/models", get(models::list))
         .route("/api/v1/models/{id}", get(models::show))
+        .route("/api/v1/models/{id}/onnx", get(models::onnx))
         .route("/api/v1/diagnoses", post(diagnoses::submit).get(diagnoses::list))
         .route("/api/v1/diagnoses/{id}", get(diagnoses::show))
         .route("/api/v1/diagnoses/{id}/report.json", get(diagnoses::report))
@@ -54,7 +55,8 @@ pub fn router(state: AppState) -> Router {
         .route("/api/v1/lab/runs/{id}/heartbeat", post(lab::heartbeat))
         .route("/api/v1/lab/runs/{id}/state", post(lab::state))
         .route("/api/v1/lab/runs/{id}/files/{*name}", put(lab_files::put))
-        .route("/api/v1/lab/runs/{id}/salvage", post(lab::salvage));
+        .route("/api/v1/lab/runs/{id}/salvage", post(lab::salvage))
+        .route("/api/v1/lab/runs/{id}/models", post(lab::learned));
     api.merge(docs::page())
         .fallback(pages::serve)
         // From the inside out

@@ -7,7 +7,7 @@ use reqwest::{Method, StatusCode};
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
 use store::Role;
-use support::{Attempt, Service, eventually, problem, sha256};
+use support::{Attempt, Service, eventually, id, problem, sha256};
 use tokio_tungstenite::tungstenite::Message;
 use tokio_tungstenite::tungstenite::client::IntoClientRequest as _;
 use tokio_tungstenite::{MaybeTlsStream, WebSocketStream, connect_async};
@@ -378,4 +378,110 @@ where
             .expect("bytes");
         seen.push_str(&String::from_utf8_lossy(chunk.as_ref()));
     }
+}
+
+#[tokio::test]
+async fn a_version_that_was_learned_in_a_run_is_kept_and_not_used_by_itself() {
+    let service = Service::start().await;
+    service.register_lab().await;
+    let run = service.queued_run().await;
+    let lab = support::laboratory();
+    let robots = lab["robots"].as_array().expect("robots");
+    let description = |name: &str| {
+        let robot = robots
+            .iter()
+            .find(|robot| robot["name"] == name || robot["description"]["name"] == name);
+        robot.expect("a robot")["description"].clone()
+    };
+    let floor = service.get(&format!("/runs/{run}")).await["experiment"]["floor"].clone();
+    let document = |robot: &str, floor: &Value, parent: Value, note: u32| {
+        let draft = json!({"format": "robopheus.model/1", "id": "", "parent": parent, "robot": description(robot), "floor": floor,
+            "effects": [], "residual": null, "provenance": {"note": note}});
+        let made = twin::model_document::ModelDocument::parse(&draft.to_string()).expect("a model");
+        serde_json::to_value(made).expect("JSON")
+    };
+    let path = format!("/lab/runs/{run}/models");
+    let first = document("omni-01", &floor, Value::Null, 1);
+    let stored = service
+        .lab(&path, &json!({"robot": "omni-01", "document": first}))
+        .await;
+    assert_eq!(stored["version"], "omni-01/1");
+    assert_eq!(
+        (&stored["parent"], &stored["is_current"]),
+        (&Value::Null, &json!(false))
+    );
+    let again = service
+        .lab(&path, &json!({"robot": "omni-01", "document": first}))
+        .await;
+    assert_eq!(again["id"], stored["id"], "the same document is the same version");
+    let child = document("omni-01", &floor, first["id"].clone(), 2);
+    let child = service
+        .lab(&path, &json!({"robot": "omni-01", "document": child}))
+        .await;
+    assert_eq!(
+        (&child["version"], &child["parent"]),
+        (&json!("omni-01/2"), &json!("omni-01/1"))
+    );
+    assert_eq!(service.get("/robots/omni-01/model").await["model"], Value::Null);
+    let mut changed = first.clone();
+    changed["provenance"]["note"] = json!(7);
+    let refused = [
+        (
+            "another robot's",
+            "omni-01",
+            document("diff-01", &floor, Value::Null, 3),
+        ),
+        (
+            "one that was not in the run",
+            "diff-01",
+            document("diff-01", &floor, Value::Null, 3),
+        ),
+        (
+            "another floor",
+            "omni-01",
+            document("omni-01", &json!("moon"), Value::Null, 3),
+        ),
+        (
+            "no such parent",
+            "omni-01",
+            document("omni-01", &floor, json!("0".repeat(64)), 3),
+        ),
+        ("changed after it was made", "omni-01", changed),
+        ("no model", "omni-01", json!({"format": "robopheus.model/1"})),
+    ];
+    for (what, robot, document) in refused {
+        let answer = service
+            .as_role(Role::Lab, Method::POST, &path)
+            .json(&json!({"robot": robot, "document": document}))
+            .send()
+            .await
+            .expect("answer");
+        assert_eq!(answer.status(), StatusCode::UNPROCESSABLE_ENTITY, "{what}");
+        assert_eq!(problem(answer).await["code"], "invalid_model", "{what}");
+    }
+    let models = service.get("/models?robot=omni-01").await;
+    assert_eq!(models.as_array().map(Vec::len), Some(2));
+    let bare = format!("/models/{}/onnx", id(&stored["id"]));
+    let answer = service.call(Method::GET, &bare).send().await.expect("answer");
+    assert_eq!(answer.status(), StatusCode::NOT_FOUND, "it has no residual");
+    let residual = json!({"format": "robopheus.residual/1", "fade": 0.25,
+        "inputs": [{"name": "forward_m_per_s", "mean": 0.0, "scale": 0.5, "low": -1.0, "high": 1.0}],
+        "layers": [{"weights": [-0.4], "bias": [0.1], "activation": "linear"}],
+        "outputs": [{"name": "acceleration_forward_m_per_s2", "scale": 1.0, "limit": 2.0}]});
+    let mut carrying = document("omni-01", &floor, Value::Null, 4);
+    (carrying["id"], carrying["residual"]) = (json!(""), residual);
+    let carrying = service
+        .lab(&path, &json!({"robot": "omni-01", "document": carrying}))
+        .await;
+    let path = format!("/models/{}/onnx", id(&carrying["id"]));
+    let answer = service.call(Method::GET, &path).send().await.expect("answer");
+    assert_eq!(
+        answer.headers()["content-disposition"],
+        "attachment; filename=\"omni-01-3.onnx\""
+    );
+    let file = learn::onnx::parse(&answer.bytes().await.expect("bytes")).expect("an ONNX file");
+    assert!(file.graph.is_some_and(|graph| !graph.node.is_empty()));
+    let elsewhere = service.get("/models?robot=omni-01&floor=moon").await;
+    assert_eq!(elsewhere, json!([]));
+    service.stop().await;
 }

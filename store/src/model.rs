@@ -94,6 +94,20 @@ impl Store {
         row.map(ModelRow::into_view).transpose()
     }
 
+    /// Stores a version, or finds the same document again; its id.
+    pub async fn model_put(
+        &self,
+        robot: &str,
+        floor: &str,
+        parent: Option<Uuid>,
+        document: &serde_json::Value,
+    ) -> Result<Uuid> {
+        let mut transaction = self.pool.begin().await?;
+        let id = insert_model(&mut transaction, robot, floor, parent, document).await?;
+        transaction.commit().await?;
+        Ok(id)
+    }
+
     /// The model that a robot's twin uses on a floor, and the record of it.
     pub async fn robot_model(&self, robot: &str, floor: &str) -> Result<RobotModel> {
         let rows: Vec<UseRow> = sqlx::query_as(

@@ -130,6 +130,7 @@ impl Store {
             horizon_s: GAP_HORIZON_S,
             floor_position_m: floor_m,
             limit_position_m: floor_m.map(|floor_m| GAP_MARGIN * floor_m),
+            drift: None,
             runs,
         })
     }

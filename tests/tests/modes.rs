@@ -59,12 +59,21 @@ async fn every_mode_runs_with_the_other_side_stopped() -> anyhow::Result<()> {
     let followed = topics.get("/virtual/omni-01/pose").copied().unwrap_or(0);
     anyhow::ensure!(followed as f64 >= 20.0 * (SHORT_S - 1.5), "{topics:?}");
     system.wait_for_log("simulate", "followed: gap", LIMIT).await?;
-    system.signal("simulate", libc::SIGSTOP)?;
+    // Five figures a second from the first prediction on, and a judgement at the end.
+    let learned = topics.get("/learning/omni-01/gap").copied().unwrap_or(0);
+    anyhow::ensure!(learned as f64 >= 4.0 * (SHORT_S - 3.0), "{topics:?}");
+    system.wait_for_log("learning", "learned: 0.5 s ahead", LIMIT).await?;
+    let beside = ["simulate", "learning"];
+    for process in beside {
+        system.signal(process, libc::SIGSTOP)?;
+    }
     for mode in ["physical", "interactive"] {
         let archive = archive_of(&system, mode).await?;
         assert_whole(&archive, mode)?;
     }
-    system.signal("simulate", libc::SIGCONT)?;
+    for process in beside {
+        system.signal(process, libc::SIGCONT)?;
+    }
     system.stop()?;
     Ok(())
 }

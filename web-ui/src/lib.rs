@@ -20,7 +20,7 @@
 //!   `run.download.archive`, `run.download.<file name>`
 //! * Robots: `robots.row.<name>`
 //! * Gap: `gap.robot.<name>`, `gap.run.<run id>.same`, `gap.run.<run id>.changed`, `gap.run.<run id>.locked`, `gap.keep`, `gap.start`, `gap.new`,
-//!   `gap.row.<diagnosis id>`, `gap.cancel`, `gap.accept`, `gap.revert`, `gap.back`, `gap.follow`, `gap.next`, `gap.next.run`, `gap.page`,
+//!   `gap.row.<diagnosis id>`, `gap.cancel`, `gap.accept`, `gap.revert`, `gap.back`, `gap.drift`, `gap.follow`, `gap.next`, `gap.next.run`, `gap.page`,
 //!   `gap.floor`, `gap.elsewhere`
 
 #[cfg(target_arch = "wasm32")]

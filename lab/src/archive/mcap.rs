@@ -26,6 +26,7 @@ struct RobotChannels {
     telemetry: Channel,
     /// The virtual robot.
     shadow: Channel,
+    learning: Channel,
 }
 
 #[derive(Debug)]
@@ -77,6 +78,7 @@ impl McapFile {
         let command = schema("robopheus.Command", include_str!("schemas/command.json"))?;
         let telemetry = schema("robopheus.Telemetry", include_str!("schemas/telemetry.json"))?;
         let intervention = schema("robopheus.Intervention", include_str!("schemas/intervention.json"))?;
+        let learning = schema("robopheus.LearningGap", include_str!("schemas/learning_gap.json"))?;
         let mut channel = |schema, topic: &str| {
             writer
                 .add_channel(schema, topic, "json", &BTreeMap::new())
@@ -90,6 +92,7 @@ impl McapFile {
                 command: channel(command, &format!("/robots/{name}/command"))?,
                 telemetry: channel(telemetry, &format!("/robots/{name}/telemetry"))?,
                 shadow: channel(pose, &format!("/virtual/{name}/pose"))?,
+                learning: channel(learning, &format!("/learning/{name}/gap"))?,
                 name,
             };
             robots.insert(robot.number, channels);
@@ -155,6 +158,14 @@ impl McapFile {
                     if let Some(robot) = robots.get_mut(&seen.robot) {
                         let message = pose_in_frame([seen.x_m, seen.y_m, seen.yaw_rad], at_ns);
                         write(writer, &mut robot.shadow, [at_ns; 2], &message)?;
+                    }
+                }
+                Ok(())
+            }
+            Record::Learning(learning) => {
+                for gap in &learning.robots {
+                    if let Some(robot) = robots.get_mut(&gap.robot) {
+                        write(writer, &mut robot.learning, [clock.ns(learning.at_us); 2], gap)?;
                     }
                 }
                 Ok(())

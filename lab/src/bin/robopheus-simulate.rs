@@ -7,18 +7,16 @@ use clap::Parser;
 use lab::backoff::Backoff;
 use lab::desk::{Desk, DeskPlaces};
 use lab::ending::run_until_signal;
-use lab::hub::{ADDRESS_FILE, VIRTUAL_ADDRESS_FILE};
+use lab::hub::VIRTUAL_ADDRESS_FILE;
 use lab::record::Record;
 use lab::shadow::ShadowRun;
-use lab::{stream, virtual_loop};
+use lab::{stream, subscription, virtual_loop};
 use std::io::{BufRead, BufReader, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Wait before connecting again.
-const RECONNECT: Duration = Duration::from_millis(500);
 /// How long the service may hold a claim.
 const WAIT_S: f64 = 20.0;
 /// An empty answer that came sooner than this was not a long poll: the service is ending.
@@ -64,7 +62,7 @@ fn main() -> Result<()> {
     let (hub, data) = (settings.hub.clone(), settings.data.clone());
     let shadow = std::thread::Builder::new()
         .name("shadow".to_owned())
-        .spawn(move || stand_beside(hub.as_deref(), &data))?;
+        .spawn(move || subscription::keep(hub.as_deref(), &data, follow))?;
     match (&settings.server, &settings.token_file, &settings.lab) {
         (Some(server), Some(token_file), Some(lab)) => serve(&settings, server, token_file, lab),
         _ => {
@@ -140,37 +138,8 @@ async fn keep_claiming(desk: Arc<Desk>, description: LabDescription) {
     }
 }
 
-/// Follows the laboratory's hub, again and again, until the process ends.
-fn stand_beside(hub: Option<&str>, data: &Path) {
-    let mut quiet = false;
-    loop {
-        let result = address(hub, data)
-            .and_then(|address| TcpStream::connect(&address).with_context(|| address))
-            .and_then(|stream| {
-                tracing::info!("connected to the hub");
-                quiet = false;
-                follow(stream)
-            });
-        if !std::mem::replace(&mut quiet, true) {
-            tracing::warn!(result = ?result.err(), "no hub");
-        }
-        std::thread::sleep(RECONNECT);
-    }
-}
-
-fn address(given: Option<&str>, data: &Path) -> Result<String> {
-    match given {
-        Some(address) => Ok(address.to_owned()),
-        None => {
-            let path = data.join(ADDRESS_FILE);
-            std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))
-        }
-    }
-}
-
 /// Run after run, until the hub is gone.
 fn follow(mut stream: TcpStream) -> Result<()> {
-    stream.set_nodelay(true)?;
     let reader = BufReader::new(stream.try_clone()?);
     let mut shadow = ShadowRun::default();
     for line in reader.lines() {

@@ -2,6 +2,7 @@
 
 pub mod archives;
 pub mod diagnoses;
+pub mod drift;
 pub mod error;
 pub mod experiments;
 pub mod files;

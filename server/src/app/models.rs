@@ -1,24 +1,34 @@
 //! Model versions, which one a robot's twin uses, and the runs that count as references.
 
+use super::drift;
 use super::error::AppError;
 use super::runs::owner_filter;
 use crate::access::Principal;
 use api::diagnosis::{NOMINAL, RUNS_MOST};
 use api::experiment::Mode;
+use api::lab::LearnedModel;
 use api::model::{ModelView, RobotGaps, RobotModel};
 use api::problem::FieldProblem;
 use api::run::{RunState, RunView};
 use store::Store;
+use twin::model_document::ModelDocument;
 use uuid::Uuid;
 
-/// Newest first; of one robot when given, and only those in use when asked for.
-pub async fn list(store: &Store, robot: Option<&str>, current: bool) -> Result<Vec<ModelView>, AppError> {
+/// Newest first; of one robot and floor when given, and only those in use when asked for.
+pub async fn list(
+    store: &Store,
+    robot: Option<&str>,
+    floor: Option<&str>,
+    current: bool,
+) -> Result<Vec<ModelView>, AppError> {
     let mut models = if current {
         store.models_current().await?
     } else {
         store.model_list(robot).await?
     };
-    models.retain(|model| robot.is_none_or(|robot| model.robot == robot));
+    models.retain(|model| {
+        robot.is_none_or(|robot| model.robot == robot) && floor.is_none_or(|floor| model.floor == floor)
+    });
     Ok(models)
 }
 
@@ -27,6 +37,20 @@ pub async fn get(store: &Store, id: Uuid) -> Result<ModelView, AppError> {
         .model_get(id)
         .await?
         .ok_or_else(|| AppError::not_found("model", id))
+}
+
+/// The residual of a version as an ONNX file: its name and its bytes.
+pub async fn onnx(store: &Store, id: Uuid) -> Result<(String, Vec<u8>), AppError> {
+    let model = get(store, id).await?;
+    let corrupt = || AppError::Corrupt {
+        what: format!("the model {}", model.version),
+    };
+    let document = ModelDocument::parse(&model.document.to_string()).map_err(|_| corrupt())?;
+    if document.residual.is_none() {
+        return Err(AppError::not_found("learned residual of the model", &model.version));
+    }
+    let bytes = learn::onnx::export(&document).map_err(|_| corrupt())?;
+    Ok((format!("{}.onnx", model.version.replace('/', "-")), bytes))
 }
 
 /// Which model the robot's twin uses, and since when.
@@ -89,6 +113,52 @@ pub async fn named(
     Err(invalid("invalid_model", field, message, limit, "name one of these"))
 }
 
+/// Stores a version that a learning server made from a run.
+pub async fn learned(store: &Store, run: Uuid, learned: &LearnedModel) -> Result<ModelView, AppError> {
+    let run = store
+        .run_get(run)
+        .await?
+        .ok_or_else(|| AppError::not_found("run", run))?;
+    let refused = |field: &str, message: String, limit: &str| {
+        invalid(
+            "invalid_model",
+            field,
+            message,
+            limit,
+            "hand in what was learned in this run",
+        )
+    };
+    let robot = learned.robot.as_str();
+    let experiment = &run.experiment;
+    if experiment.mode == Mode::Virtual || !experiment.robots.iter().any(|other| other.name == robot) {
+        let message = format!("nothing of {robot} was measured in the run {}", run.id);
+        return Err(refused("robot", message, "a robot that drove in the run"));
+    }
+    let document = ModelDocument::parse(&learned.document.to_string())
+        .map_err(|error| refused("document", error.to_string(), "`robopheus.model/1`"))?;
+    if document.robot.name != robot || document.floor != experiment.floor {
+        let message = format!("the document is of {} on {}", document.robot.name, document.floor);
+        let limit = format!("{robot} on {}", experiment.floor);
+        return Err(refused("document", message, &limit));
+    }
+    let parent = match &document.parent {
+        None => None,
+        Some(parent) => {
+            let found = store.model_find(parent).await?;
+            let fits = found.filter(|model| model.robot == robot && model.floor == document.floor);
+            let message = format!("there is no version {parent} of {robot} on {}", document.floor);
+            Some(fits.ok_or_else(|| refused("document.parent", message, "a version of this robot and floor"))?)
+        }
+    };
+    let stored = serde_json::to_value(&document).map_err(|error| refused("document", error.to_string(), "JSON"))?;
+    let id = store
+        .model_put(robot, &document.floor, parent.map(|model| model.id), &stored)
+        .await?;
+    let view = get(store, id).await?;
+    tracing::info!(run.id = %run.id, robot, model = view.version, "version learned in a run");
+    Ok(view)
+}
+
 /// Arena and floor of a registered robot.
 pub async fn place(store: &Store, robot: &str) -> Result<(String, String), AppError> {
     let place = store.robot_place(robot).await?;
@@ -98,7 +168,9 @@ pub async fn place(store: &Store, robot: &str) -> Result<(String, String), AppEr
 /// Finished runs of the robot against its current model.
 pub async fn gaps(store: &Store, principal: &Principal, robot: &str) -> Result<RobotGaps, AppError> {
     let (_, floor) = place(store, robot).await?;
-    Ok(store.robot_gaps(robot, &floor, owner_filter(principal)).await?)
+    let mut gaps = store.robot_gaps(robot, &floor, owner_filter(principal)).await?;
+    gaps.drift = drift::drift(&gaps.runs, gaps.horizon_s);
+    Ok(gaps)
 }
 
 /// Replaces the set of runs in which nothing was changed.

@@ -3,11 +3,13 @@
 use super::body::JsonBody;
 use super::params::Id;
 use super::problem::ApiError;
-use crate::app::lab;
+use crate::app::{lab, models};
 use crate::state::AppState;
 use api::lab::{
-    Assignment, ClaimRequest, Heartbeat, HeartbeatReply, LabDescription, LabStatus, SalvageReport, StateReport,
+    Assignment, ClaimRequest, Heartbeat, HeartbeatReply, LabDescription, LabStatus, LearnedModel, SalvageReport,
+    StateReport,
 };
+use api::model::ModelView;
 use api::problem::Problem;
 use api::run::RunView;
 use axum::Json;
@@ -72,4 +74,16 @@ pub async fn salvage(
     body: JsonBody<SalvageReport>,
 ) -> Result<Json<RunView>, ApiError> {
     Ok(Json(lab::salvage(&state, id, &body.value).await?))
+}
+
+/// Stores a version that was learned in a run of this robot. It is not used until an operator chooses it.
+#[utoipa::path(post, path = "/api/v1/lab/runs/{id}/models", tag = "lab", params(("id" = Uuid, Path)), request_body = LearnedModel,
+    responses((status = 200, body = ModelView), (status = 404, body = Problem, content_type = "application/problem+json"),
+        (status = 422, body = Problem, content_type = "application/problem+json", description = "`invalid_model`")))]
+pub async fn learned(
+    State(state): State<AppState>,
+    Id(id): Id,
+    body: JsonBody<LearnedModel>,
+) -> Result<Json<ModelView>, ApiError> {
+    Ok(Json(models::learned(state.store(), id, &body.value).await?))
 }

@@ -9,6 +9,8 @@ use crate::state::AppState;
 use api::model::{ModelChoice, ModelView, ReferencesRequest, RobotGaps, RobotModel};
 use api::problem::Problem;
 use axum::extract::State;
+use axum::http::header;
+use axum::response::IntoResponse;
 use axum::{Extension, Json};
 use serde::Deserialize;
 use utoipa::IntoParams;
@@ -20,6 +22,8 @@ use utoipa::IntoParams;
 pub struct Wanted {
     /// Only of this robot.
     robot: Option<String>,
+    /// Only of this floor.
+    floor: Option<String>,
     /// Only those that robots use now.
     #[serde(default)]
     current: bool,
@@ -32,7 +36,13 @@ pub async fn list(
     QueryOf(wanted): QueryOf<Wanted>,
 ) -> Result<Json<Vec<ModelView>>, ApiError> {
     Ok(Json(
-        models::list(state.store(), wanted.robot.as_deref(), wanted.current).await?,
+        models::list(
+            state.store(),
+            wanted.robot.as_deref(),
+            wanted.floor.as_deref(),
+            wanted.current,
+        )
+        .await?,
     ))
 }
 
@@ -41,6 +51,19 @@ pub async fn list(
     responses((status = 200, body = ModelView), (status = 404, body = Problem, content_type = "application/problem+json")))]
 pub async fn show(State(state): State<AppState>, Id(id): Id) -> Result<Json<ModelView>, ApiError> {
     Ok(Json(models::get(state.store(), id).await?))
+}
+
+/// The learned residual of a version as an ONNX file.
+#[utoipa::path(get, path = "/api/v1/models/{id}/onnx", tag = "models", params(("id" = Uuid, Path)),
+    responses((status = 200, content_type = "application/octet-stream", body = Vec<u8>),
+        (status = 404, body = Problem, content_type = "application/problem+json", description = "No such version, or it carries no residual")))]
+pub async fn onnx(State(state): State<AppState>, Id(id): Id) -> Result<impl IntoResponse, ApiError> {
+    let (name, bytes) = models::onnx(state.store(), id).await?;
+    let headers = [
+        (header::CONTENT_TYPE, "application/octet-stream".to_owned()),
+        (header::CONTENT_DISPOSITION, format!("attachment; filename=\"{name}\"")),
+    ];
+    Ok((headers, bytes))
 }
 
 /// Which model a robot's twin uses, and the record of who chose what when.

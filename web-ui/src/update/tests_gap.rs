@@ -202,3 +202,19 @@ fn another_robot_empties_the_ticks_and_an_address_leads_back() {
     command(&mut state, Command::FollowAddress(format!("#/gap/{}", run(9))));
     assert_eq!((state.page, state.gap.selected), (Page::Gap, Some(run(9))));
 }
+
+#[test]
+fn a_drift_is_told_in_words() {
+    let mut state = state();
+    let mut told = gaps(&[]);
+    answer(&mut state, Request::Gaps("omni-03".to_owned()), 200, &told);
+    assert_eq!(crate::pages::gap::data::drift_sentence(&state), None);
+    told["drift"] = json!({"since": "2026-03-03T09:05:00Z", "newest_m": 0.0262, "before_m": 0.0095, "factor": 2.789});
+    answer(&mut state, Request::Gaps("omni-03".to_owned()), 200, &told);
+    assert_eq!(
+        crate::pages::gap::data::drift_sentence(&state).as_deref(),
+        Some(
+            "omni-03 drifts: its gap is 2.8 times what it was since Tuesday, 3 March 09:05, 26 mm instead of 9.5 mm 2 s ahead."
+        )
+    );
+}

@@ -133,6 +133,7 @@ impl Programs {
                 "robopheus-camera",
                 "robopheus-lab",
                 "robopheus-simulate",
+                "robopheus-learning",
             ]
         } else {
             &[]
@@ -200,6 +201,7 @@ impl Programs {
             }
             plans.push(self.plan("lab", 1, 3000, Self::lab));
             plans.push(self.plan("simulate", 1, 500, Self::simulate));
+            plans.push(self.plan("learning", 1, 500, Self::learning));
         }
         Ok(plans)
     }
@@ -263,19 +265,34 @@ impl Programs {
         self.with_database("robopheus-scheduler")
     }
 
-    /// At low priority: minutes of processor time, and the 120 Hz loop may run on the same machine.
-    fn diagnose(&self) -> Command {
+    /// At low priority: the 120 Hz loop may run on the same machine.
+    fn nice(&self, niceness: &str, name: &str) -> Command {
         let mut command = Command::new("nice");
-        command
-            .args(["-n", "15"])
-            .arg(self.folder.join("robopheus-diagnose-worker"));
+        command.args(["-n", niceness]).arg(self.folder.join(name));
         command
             .current_dir(paths::root())
             .stdin(Stdio::null())
-            .env("NO_COLOR", "1")
+            .env("NO_COLOR", "1");
+        command
+    }
+
+    /// Minutes of processor time.
+    fn diagnose(&self) -> Command {
+        let mut command = self.nice("15", "robopheus-diagnose-worker");
+        command
             .env("DATABASE_URL", &self.database_url)
             .arg("--data")
             .arg(&self.data);
+        command
+    }
+
+    fn learning(&self) -> Command {
+        let mut command = self.nice("10", "robopheus-learning");
+        command
+            .arg("--server")
+            .arg(format!("http://127.0.0.1:{}", self.ports.server));
+        command.arg("--token-file").arg(self.data.join("tokens/lab"));
+        command.arg("--data").arg(&self.data);
         command
     }
 

@@ -120,6 +120,23 @@ pub fn floor_sentence(state: &State) -> String {
     }
 }
 
+/// An alarm in words when the robot has moved away from its model.
+pub fn drift_sentence(state: &State) -> Option<String> {
+    let gaps = state.gap.gaps.as_ref()?;
+    let drift = gaps.drift?;
+    let since = drift.since.map_or_else(String::new, |since| {
+        format!(" since {}", since.format("%A, %-d %B %H:%M"))
+    });
+    Some(format!(
+        "{} drifts: its gap is {:.1} times what it was{since}, {} instead of {} {:.0} s ahead.",
+        gaps.robot,
+        drift.factor,
+        millimetres(drift.newest_m),
+        millimetres(drift.before_m),
+        gaps.horizon_s
+    ))
+}
+
 /// A line of the list of diagnoses.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DiagnosisRow {

@@ -137,6 +137,10 @@ fn runs(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) {
         output.on_click("gap.elsewhere", &response, Command::ShowPage(Page::Compose));
         return;
     }
+    if let Some(alarm) = data::drift_sentence(state) {
+        let response = ui.add(Label::new(RichText::new(alarm).color(palette.tone(Tone::Warning))).wrap());
+        output.mark("gap.drift", &response);
+    }
     ui.add(
         Label::new(
             RichText::new(data::floor_sentence(state))

@@ -5,7 +5,7 @@ use crate::error_measure::path;
 use crate::pages::words;
 use crate::state::State;
 use crate::theme::{self, Tone};
-use api::live::{LiveRobot, LiveShadow, LiveStages};
+use api::live::{LiveLearning, LiveRobot, LiveShadow, LiveStages};
 use api::run::RunView;
 
 /// Length of a trail, seconds of the run.
@@ -105,12 +105,20 @@ pub fn robots(state: &State, run: &RunView) -> Vec<RobotCard> {
                 .iter()
                 .position(|r| r.name == robot.name)
                 .unwrap_or(0),
-            lines: lines(robot, last.shadow.iter().find(|shadow| shadow.name == robot.name)),
+            lines: lines(
+                robot,
+                last.shadow.iter().find(|shadow| shadow.name == robot.name),
+                last.learning.iter().find(|learning| learning.name == robot.name),
+            ),
         })
         .collect()
 }
 
-fn lines(robot: &LiveRobot, shadow: Option<&LiveShadow>) -> Vec<(&'static str, String, Tone)> {
+fn lines(
+    robot: &LiveRobot,
+    shadow: Option<&LiveShadow>,
+    learning: Option<&LiveLearning>,
+) -> Vec<(&'static str, String, Tone)> {
     let (link, link_tone) = age(robot.link_age_ms);
     let (pose, pose_tone) = age(robot.pose_age_ms);
     let battery_tone = if robot.bus_v < BATTERY_LOW_V {
@@ -137,6 +145,12 @@ fn lines(robot: &LiveRobot, shadow: Option<&LiveShadow>) -> Vec<(&'static str, S
             format!("{} away", theme::millimetres(apart_m)),
             Tone::Neutral,
         ));
+    }
+    if let Some(learning) = learning {
+        let [parent, learnt] = [learning.parent_m, learning.learnt_m].map(theme::millimetres);
+        let is_better = learning.learnt_m < learning.parent_m;
+        let tone = if is_better { Tone::Good } else { Tone::Neutral };
+        lines.push(("0.5 s ahead", format!("twin {parent}, learnt {learnt}"), tone));
     }
     lines
 }
