@@ -371,7 +371,11 @@ impl Rehearsal {
 
     /// As in the laboratory, the run ends when the user's own controller cannot go on.
     fn look_for_fault(&mut self) {
-        let Some(message) = self.team.fault().map(|fault| format!("the controller cannot go on: {fault}")) else {
+        let Some(message) = self
+            .team
+            .fault()
+            .map(|fault| format!("the controller cannot go on: {fault}"))
+        else {
             return;
         };
         self.faulty = true;

@@ -145,8 +145,14 @@ impl Order {
             Motion::Wheels(wheels) => wheels,
         };
         let further = self.yaw_rad.iter().chain(&self.steering_rad);
-        match numbers.iter().chain(further).find(|number| !number.is_finite() || number.abs() > LARGEST) {
-            Some(number) => Err(format!("the command for robot {robot} holds {number}, which is no possible number")),
+        match numbers
+            .iter()
+            .chain(further)
+            .find(|number| !number.is_finite() || number.abs() > LARGEST)
+        {
+            Some(number) => Err(format!(
+                "the command for robot {robot} holds {number}, which is no possible number"
+            )),
             None => Ok(()),
         }
     }

@@ -58,8 +58,13 @@ pub const MODULE: &[u8] = include_bytes!("../gallery/go_to_point.wasm");
 /// program of one's own.
 pub fn scenario_json(source: &Source, duration_s: f64) -> String {
     let all = control::gallery::digest_scenarios();
-    let text = all.into_iter().find(|(name, _)| name == "three-kinds").map(|(_, text)| text);
-    let mut scenario: Value = text.and_then(|text| serde_json::from_str(&text).ok()).unwrap_or_default();
+    let text = all
+        .into_iter()
+        .find(|(name, _)| name == "three-kinds")
+        .map(|(_, text)| text);
+    let mut scenario: Value = text
+        .and_then(|text| serde_json::from_str(&text).ok())
+        .unwrap_or_default();
     let program = match source {
         Source::Script(text) | Source::Module(text) => text,
     };
@@ -80,7 +85,12 @@ pub fn digests() -> BTreeMap<String, String> {
     let mut all = BTreeMap::new();
     let sources = SCRIPTS
         .iter()
-        .map(|example| (format!("script {}", example.name), Source::Script(example.script.into())))
+        .map(|example| {
+            (
+                format!("script {}", example.name),
+                Source::Script(example.script.into()),
+            )
+        })
         .chain([("module go_to_point".to_owned(), Source::module(MODULE))]);
     for (name, source) in sources {
         let outcome = rehearse_json(&scenario_json(&source, 8.0));

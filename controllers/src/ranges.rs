@@ -190,7 +190,11 @@ mod tests {
         // Ahead the wall at x = 2, left that at y = 1.5, behind the other robot's circle, right the wall at y = -1.5.
         let expected = [(0, 1.5), (2, 1.5), (4, 0.8), (6, 1.5)];
         for (beam, range_m) in expected {
-            assert!((robots[0].ranges_m[beam] - range_m).abs() < 1e-12, "{beam}: {:?}", robots[0]);
+            assert!(
+                (robots[0].ranges_m[beam] - range_m).abs() < 1e-12,
+                "{beam}: {:?}",
+                robots[0]
+            );
         }
         // Diagonally back and right past the box's corner region: its upper side is at y = -0.5, 0.5 sqrt 2 away.
         assert!((robots[0].ranges_m[5] - 0.5 * 2.0_f64.sqrt()).abs() < 1e-12);
@@ -201,7 +205,10 @@ mod tests {
     fn a_turn_by_an_eighth_moves_the_readings_by_one_beam() {
         let map = Surroundings::new([4.0, 3.0], &Contents::default());
         for k in 0..BEAMS {
-            let mut robots = [seen(0.7, 0.4, 0.0), seen(0.7, 0.4, core::f64::consts::FRAC_PI_4 * k as f64)];
+            let mut robots = [
+                seen(0.7, 0.4, 0.0),
+                seen(0.7, 0.4, core::f64::consts::FRAC_PI_4 * k as f64),
+            ];
             map.measure(&[body()], &mut robots[..1]);
             map.measure(&[body()], &mut robots[1..]);
             for beam in 0..BEAMS {

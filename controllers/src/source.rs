@@ -22,7 +22,9 @@ impl Source {
     /// The program of a `control` section that has passed its checks; `None` when there is none.
     pub fn of(control: &Control) -> Option<Source> {
         let text = |key: &str| control.parameters.get(key)?.as_str().map(str::to_owned);
-        text(SCRIPT).map(Source::Script).or_else(|| text(MODULE).map(Source::Module))
+        text(SCRIPT)
+            .map(Source::Script)
+            .or_else(|| text(MODULE).map(Source::Module))
     }
 
     /// A module from its bytes.

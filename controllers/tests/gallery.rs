@@ -1,10 +1,10 @@
 //! The gallery's programs do what they say, and do it the same way each time.
 
+use control::law::Note;
+use control::scenario::Scenario;
 use controllers::experiment::{rehearsal, rehearse_json};
 use controllers::gallery::{MODULE, SCRIPTS, digests, scenario_json};
 use controllers::source::Source;
-use control::law::Note;
-use control::scenario::Scenario;
 
 fn script(name: &str) -> Source {
     let found = SCRIPTS.iter().find(|example| example.name == name);
@@ -25,7 +25,8 @@ fn the_module_is_the_assembled_text() {
 fn every_program_is_accepted() {
     let sources = SCRIPTS.iter().map(|example| (example.name, script(example.name)));
     for (name, source) in sources.chain([("module", Source::module(MODULE))]) {
-        let outcome = rehearse_json(&scenario_json(&source, 20.0)).unwrap_or_else(|problems| panic!("{name}: {problems:#?}"));
+        let outcome =
+            rehearse_json(&scenario_json(&source, 20.0)).unwrap_or_else(|problems| panic!("{name}: {problems:#?}"));
         println!("{name}: {}", outcome.verdict.sentence);
         assert!(outcome.verdict.accepted, "{name}: {}", outcome.verdict.sentence);
     }
@@ -36,7 +37,12 @@ fn script_and_module_of_one_law_bring_everybody_to_the_same_places() {
     for source in [script("go_to_point"), Source::module(MODULE)] {
         let outcome = rehearse_json(&scenario_json(&source, 40.0)).expect("a rehearsal");
         assert!(outcome.verdict.findings.is_empty(), "{:#?}", outcome.verdict);
-        for (robot, [x_m, y_m]) in outcome.replay.robots.iter().zip([[0.6, 0.9], [-1.2, -0.7], [1.3, -0.6]]) {
+        for (robot, [x_m, y_m]) in outcome
+            .replay
+            .robots
+            .iter()
+            .zip([[0.6, 0.9], [-1.2, -0.7], [1.3, -0.6]])
+        {
             let [x, y, _] = *robot.poses.last().expect("a pose");
             assert!((x - x_m).hypot(y - y_m) < 0.08, "{}: {x} {y}", robot.name);
         }
@@ -46,7 +52,10 @@ fn script_and_module_of_one_law_bring_everybody_to_the_same_places() {
 #[test]
 fn equal_programs_give_equal_digests() {
     let first = digests();
-    assert!(first.len() >= 10 && first.values().all(|digest| digest.len() >= 32), "{first:#?}");
+    assert!(
+        first.len() >= 10 && first.values().all(|digest| digest.len() >= 32),
+        "{first:#?}"
+    );
     assert_eq!(first, digests());
     // The same law in two languages, and nothing else, drives the same way.
     assert_eq!(first["script go_to_point"], first["module go_to_point"]);
@@ -61,15 +70,26 @@ fn drawings_come_out_beside_the_motion() {
     let scenario = Scenario::from_json(&scenario_json(&script("go_to_point"), 2.0)).expect("a scenario");
     let mut rehearsal = rehearsal(&scenario).expect("a rehearsal");
     rehearsal.step();
-    let lines = rehearsal.notes().iter().filter(|note| matches!(note, Note::Line { .. })).count();
+    let lines = rehearsal
+        .notes()
+        .iter()
+        .filter(|note| matches!(note, Note::Line { .. }))
+        .count();
     assert_eq!(lines, 3);
 }
 
 #[test]
 fn limits_stop_growing_scripts_at_the_same_tick() {
     let told = digests();
-    for (name, reason) in [("operations", "operations in one tick"), ("depth", "functions that call each other"), ("array", "too large")] {
+    for (name, reason) in [
+        ("operations", "operations in one tick"),
+        ("depth", "functions that call each other"),
+        ("array", "too large"),
+    ] {
         let sentence = &told[&format!("bound {name}")];
-        assert!(sentence.contains(reason) && sentence.contains("tick"), "{name}: {sentence}");
+        assert!(
+            sentence.contains(reason) && sentence.contains("tick"),
+            "{name}: {sentence}"
+        );
     }
 }

@@ -1,11 +1,11 @@
 //! Programs that mean harm, and mistakes: refused or stopped, each with its reason, and nothing moves afterwards.
 
 use control::law::{Fault, FaultKind};
+use control::scenario::Scenario;
 use controllers::experiment::{rehearsal, rehearse_json, setup};
 use controllers::gallery::scenario_json;
 use controllers::program::compile;
 use controllers::source::Source;
-use control::scenario::Scenario;
 
 /// Two seconds of the program in the twin: what the verdict says and the fault.
 fn run(source: &Source) -> Result<Fault, String> {
@@ -28,7 +28,10 @@ fn refused(source: &Source, words: &str) {
 fn stopped(source: &Source, kind: FaultKind, words: &str) -> Fault {
     let fault = run(source).unwrap_or_else(|message| panic!("refused: {message}"));
     assert_eq!(fault.kind, kind, "{fault}");
-    assert!(fault.tick.is_some() && fault.reason.contains(words), "{fault} lacks {words:?}");
+    assert!(
+        fault.tick.is_some() && fault.reason.contains(words),
+        "{fault} lacks {words:?}"
+    );
     fault
 }
 
@@ -97,7 +100,12 @@ fn scripts_cannot_reach_out() {
     ] {
         refused(&script(text), words);
     }
-    for text in ["fn step(now) { open(\"/etc/passwd\"); }", "fn step(now) { timestamp(); }", "fn step(now) { sleep(10); }", "fn step(now) { let p = Fn(\"**\"); let x = p.call(2.0, 0.5); twist(0, x, 0, 0); exit(); }"] {
+    for text in [
+        "fn step(now) { open(\"/etc/passwd\"); }",
+        "fn step(now) { timestamp(); }",
+        "fn step(now) { sleep(10); }",
+        "fn step(now) { let p = Fn(\"**\"); let x = p.call(2.0, 0.5); twist(0, x, 0, 0); exit(); }",
+    ] {
         assert_eq!(run(&script(text)).expect("runs").kind, FaultKind::Failed, "{text}");
     }
 }
@@ -106,12 +114,24 @@ fn scripts_cannot_reach_out() {
 fn errors_of_scripts_have_line_and_column() {
     let scenario = Scenario::from_json(&scenario_json(&script("fn step(now) {}"), 1.0)).expect("a scenario");
     let setup = setup(&scenario).expect("robots");
-    for (text, line) in [("fn step(now) {\n  let x = ;\n}", 2), ("fn step(now) {\n\n  y + 1;\n}", 3), ("let a = 1;\nfn step(now) {}", 1)] {
+    for (text, line) in [
+        ("fn step(now) {\n  let x = ;\n}", 2),
+        ("fn step(now) {\n\n  y + 1;\n}", 3),
+        ("let a = 1;\nfn step(now) {}", 1),
+    ] {
         let fault = compile(&script(text), &setup).err().unwrap_or_else(|| panic!("{text}"));
-        assert_eq!((fault.kind, fault.line), (FaultKind::Refused, Some(line)), "{text}: {fault}");
+        assert_eq!(
+            (fault.kind, fault.line),
+            (FaultKind::Refused, Some(line)),
+            "{text}: {fault}"
+        );
         assert!(fault.column.is_some());
     }
-    let fault = stopped(&script("fn step(now) {\n  let a = [1];\n  let b = a[7];\n}"), FaultKind::Failed, "");
+    let fault = stopped(
+        &script("fn step(now) {\n  let a = [1];\n  let b = a[7];\n}"),
+        FaultKind::Failed,
+        "",
+    );
     assert_eq!((fault.line, fault.tick), (Some(3), Some(0)), "{fault}");
     refused(&script("fn other(now) {}"), "fn step(now)");
 }
@@ -134,9 +154,19 @@ fn commands_that_are_no_numbers_or_for_nobody_stop_the_run() {
 fn silent_programs_stop_the_run() {
     let fault = stopped(&script("fn step(now) {}"), FaultKind::Silent, "told nothing");
     assert_eq!(fault.tick, Some(60));
-    stopped(&script("fn step(now) { stop(0); stop(1); }"), FaultKind::Silent, "robot 2");
-    let still = "fn step(now) { if now.tick < 30 { for r in 0..3 { stop(r); } } else { for r in 0..3 { finished(r); } } }";
-    assert!(rehearse_json(&scenario_json(&script(still), 2.0)).expect("a rehearsal").verdict.accepted);
+    stopped(
+        &script("fn step(now) { stop(0); stop(1); }"),
+        FaultKind::Silent,
+        "robot 2",
+    );
+    let still =
+        "fn step(now) { if now.tick < 30 { for r in 0..3 { stop(r); } } else { for r in 0..3 { finished(r); } } }";
+    assert!(
+        rehearse_json(&scenario_json(&script(still), 2.0))
+            .expect("a rehearsal")
+            .verdict
+            .accepted
+    );
 }
 
 #[test]
@@ -150,8 +180,16 @@ fn modules_that_never_end_or_trap_are_stopped() {
     let recursion = "(call $step (local.get 0) (local.get 1))";
     stopped(&module("", recursion), FaultKind::Exhausted, "stack");
     stopped(&module("", "unreachable"), FaultKind::Failed, "trap");
-    stopped(&module("", "(i32.div_u (i32.const 1) (i32.const 0))"), FaultKind::Failed, "trap");
-    stopped(&module("", "(i32.load (i32.const 99999999))"), FaultKind::Failed, "trap");
+    stopped(
+        &module("", "(i32.div_u (i32.const 1) (i32.const 0))"),
+        FaultKind::Failed,
+        "trap",
+    );
+    stopped(
+        &module("", "(i32.load (i32.const 99999999))"),
+        FaultKind::Failed,
+        "trap",
+    );
     let wild = "(call_indirect (param i32 i32) (result i32) (local.get 0) (local.get 1) (i32.const 77))";
     stopped(&module("(table 1 funcref)", wild), FaultKind::Failed, "trap");
     let log = "(import \"robopheus\" \"log\" (func $log (param i32 i32)))";
@@ -163,7 +201,8 @@ fn modules_that_never_end_or_trap_are_stopped() {
 fn modules_cannot_have_more_memory_than_allowed() {
     let grows = "(drop (memory.grow (i32.const 2000))) (i32.store (i32.const 67108864) (i32.const 1)) i32.const 0";
     stopped(&module("", grows), FaultKind::Failed, "trap");
-    let large = "(module (memory (export \"memory\") 1025) (func (export \"buffer\") (param i32) (result i32) i32.const 0)
+    let large =
+        "(module (memory (export \"memory\") 1025) (func (export \"buffer\") (param i32) (result i32) i32.const 0)
         (func (export \"step\") (param i32 i32) (result i32) i32.const 0))";
     refused(&wasm(large), "memory");
     refused(&module("(table 20000 funcref)", "i32.const 0"), "table");
@@ -173,7 +212,11 @@ fn modules_cannot_have_more_memory_than_allowed() {
 #[test]
 fn modules_that_lie_about_pointers_are_stopped() {
     for pointer in ["-8", "131000", "2147483647"] {
-        stopped(&module("", &format!("i32.const {pointer}")), FaultKind::BadCommand, "outside the memory");
+        stopped(
+            &module("", &format!("i32.const {pointer}")),
+            FaultKind::BadCommand,
+            "outside the memory",
+        );
     }
     let log = "(import \"robopheus\" \"log\" (func $log (param i32 i32)))";
     let reads = "(call $log (i32.const 131070) (i32.const 100)) i32.const 0";
@@ -181,22 +224,43 @@ fn modules_that_lie_about_pointers_are_stopped() {
     let huge = "(call $log (i32.const -1) (i32.const -1)) i32.const 0";
     stopped(&module(log, huge), FaultKind::Failed, "outside the memory");
     let nan = "(f64.store (i32.const 0) (f64.const 1)) (f64.store (i32.const 8) (f64.const nan)) i32.const 4096";
-    let nan = nan.replace("i32.const 0)", "i32.const 4096)").replace("i32.const 8)", "i32.const 4104)");
+    let nan = nan
+        .replace("i32.const 0)", "i32.const 4096)")
+        .replace("i32.const 8)", "i32.const 4104)");
     let nan = nan.as_str();
     stopped(&module("", nan), FaultKind::BadCommand, "robot 0");
     let kind = "(f64.store (i32.const 4096) (f64.const 9)) i32.const 4096";
     stopped(&module("", kind), FaultKind::BadCommand, "kind");
-    let away = "(module (memory (export \"memory\") 1) (func (export \"buffer\") (param i32) (result i32) i32.const 65000)
+    let away =
+        "(module (memory (export \"memory\") 1) (func (export \"buffer\") (param i32) (result i32) i32.const 65000)
         (func (export \"step\") (param i32 i32) (result i32) i32.const 0))";
     refused(&wasm(away), "buffer");
 }
 
 #[test]
 fn modules_that_ask_for_more_than_the_host_gives_are_refused() {
-    refused(&module("(import \"wasi_snapshot_preview1\" \"fd_write\" (func (param i32 i32 i32 i32) (result i32)))", "i32.const 0"), "wasi_snapshot_preview1.fd_write");
-    refused(&module("(import \"robopheus\" \"open\" (func (param i32)))", "i32.const 0"), "robopheus.open");
-    refused(&module("(import \"robopheus\" \"sin\" (func (param i32) (result i32)))", "i32.const 0"), "");
-    refused(&module("(func $begin (loop $l (br $l))) (start $begin)", "i32.const 0"), "");
+    refused(
+        &module(
+            "(import \"wasi_snapshot_preview1\" \"fd_write\" (func (param i32 i32 i32 i32) (result i32)))",
+            "i32.const 0",
+        ),
+        "wasi_snapshot_preview1.fd_write",
+    );
+    refused(
+        &module("(import \"robopheus\" \"open\" (func (param i32)))", "i32.const 0"),
+        "robopheus.open",
+    );
+    refused(
+        &module(
+            "(import \"robopheus\" \"sin\" (func (param i32) (result i32)))",
+            "i32.const 0",
+        ),
+        "",
+    );
+    refused(
+        &module("(func $begin (loop $l (br $l))) (start $begin)", "i32.const 0"),
+        "",
+    );
     refused(&wasm("(module (memory (export \"memory\") 1))"), "buffer");
     refused(&Source::module(b"\0asm\x01\0\0\0junk"), "not a usable module");
     refused(&Source::module(b"MZ"), "not a usable module");

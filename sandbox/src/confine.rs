@@ -1,7 +1,10 @@
 //! A process gives up what a program of a user has no need of: memory and time without bound, files, other processes, the
 //! network, its user, and nearly all system calls. Nothing of it can be had back.
 
-#![allow(unsafe_code, reason = "the operating system's calls; each is plain and checked by its result")]
+#![allow(
+    unsafe_code,
+    reason = "the operating system's calls; each is plain and checked by its result"
+)]
 
 /// Layers without which nothing of a user's is run.
 pub const ESSENTIAL: [&str; 2] = ["limits", "system calls"];
@@ -15,7 +18,8 @@ const NOBODY: u32 = 65_534;
 
 /// Gives up everything; returns the layers that are in force.
 pub fn confine() -> Vec<String> {
-    let layers: [(&str, fn() -> bool); 4] = [
+    type Layer = (&'static str, fn() -> bool);
+    let layers: [Layer; 4] = [
         ("network", leave_network),
         ("user", become_nobody),
         ("limits", limit),

@@ -47,7 +47,9 @@ impl PipeProgram {
     ) -> Result<PipeProgram, Fault> {
         let none = |what: String| Fault::new(FaultKind::Died, None, what);
         command.stdin(Stdio::piped()).stdout(Stdio::piped());
-        let mut child = command.spawn().map_err(|error| none(format!("its process cannot be started: {error}")))?;
+        let mut child = command
+            .spawn()
+            .map_err(|error| none(format!("its process cannot be started: {error}")))?;
         let (Some(to), Some(from)) = (child.stdin.take(), child.stdout.take()) else {
             return Err(none("its process has no pipes".into()));
         };
@@ -214,5 +216,9 @@ fn unblock(fd: i32) -> std::io::Result<()> {
         let flags = libc::fcntl(fd, libc::F_GETFL);
         flags >= 0 && libc::fcntl(fd, libc::F_SETFL, flags | libc::O_NONBLOCK) == 0
     };
-    if done { Ok(()) } else { Err(std::io::Error::last_os_error()) }
+    if done {
+        Ok(())
+    } else {
+        Err(std::io::Error::last_os_error())
+    }
 }

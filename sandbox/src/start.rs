@@ -30,7 +30,13 @@ pub fn program() -> Result<PathBuf, Fault> {
     // Tests and examples stand one folder deeper.
     let folders = own.iter().flat_map(|own| own.ancestors().skip(1).take(2));
     let found = folders.map(|folder| folder.join(PROGRAM)).find(|path| path.is_file());
-    found.ok_or_else(|| Fault::new(FaultKind::Died, None, format!("the program {PROGRAM} is not installed here")))
+    found.ok_or_else(|| {
+        Fault::new(
+            FaultKind::Died,
+            None,
+            format!("the program {PROGRAM} is not installed here"),
+        )
+    })
 }
 
 /// A user's program in a process of its own: no environment, no files, no network ([`crate::confine`]).
@@ -41,8 +47,14 @@ pub fn start(source: &Source, setup: &Setup, patience: Duration) -> Result<PipeP
     command.env_clear().current_dir("/").stderr(Stdio::null());
     let program = PipeProgram::start(command, Some(source), setup, patience)?;
     let layers = program.confined();
-    if !crate::confine::ESSENTIAL.iter().all(|layer| layers.iter().any(|known| known == layer)) {
-        let reason = format!("this machine cannot confine programs of users: only {}", layers.join(", "));
+    if !crate::confine::ESSENTIAL
+        .iter()
+        .all(|layer| layers.iter().any(|known| known == layer))
+    {
+        let reason = format!(
+            "this machine cannot confine programs of users: only {}",
+            layers.join(", ")
+        );
         return Err(Fault::new(FaultKind::Refused, None, reason));
     }
     Ok(program)

@@ -37,7 +37,11 @@ fn shell(text: &str, patience: Duration) -> Result<(Scenario, PipeProgram), cont
 
 #[test]
 fn the_sandbox_gives_the_digest_of_ones_own_process() {
-    let sources = [script(SCRIPTS[0].script), script(SCRIPTS[5].script), Source::module(MODULE)];
+    let sources = [
+        script(SCRIPTS[0].script),
+        script(SCRIPTS[5].script),
+        Source::module(MODULE),
+    ];
     for source in sources {
         let here = rehearse_json(&scenario_json(&source, 6.0)).expect("a rehearsal");
         let there = finished(start::rehearsal(&scenario(&source, 6.0)).expect("a rehearsal"));
@@ -48,7 +52,11 @@ fn the_sandbox_gives_the_digest_of_ones_own_process() {
 
 #[test]
 fn problems_and_faults_come_back_in_the_same_words() {
-    for text in ["fn step(now) {\n let x = ; }", "fn step(now) { loop {} }", "fn step(now) { let a = [1];\n a[3]; }"] {
+    for text in [
+        "fn step(now) {\n let x = ; }",
+        "fn step(now) { loop {} }",
+        "fn step(now) { let a = [1];\n a[3]; }",
+    ] {
         let here = rehearse_json(&scenario_json(&script(text), 2.0));
         let there = start::rehearsal(&scenario(&script(text), 2.0)).map(finished);
         assert_eq!(here, there, "{text}");
@@ -61,7 +69,10 @@ fn the_process_is_confined() {
     let program = start::start(&script("fn step(now) {}"), &setup, Duration::from_secs(1)).expect("starts");
     println!("{:?}", program.confined());
     let status = std::fs::read_to_string(format!("/proc/{}/status", program.process_id())).expect("a process");
-    assert!(status.contains("Seccomp:\t2") && status.contains("NoNewPrivs:\t1"), "{status}");
+    assert!(
+        status.contains("Seccomp:\t2") && status.contains("NoNewPrivs:\t1"),
+        "{status}"
+    );
     if program.confined().iter().any(|layer| layer == "user") {
         assert!(status.contains("Uid:\t65534\t65534\t65534\t65534"), "{status}");
     }
@@ -73,11 +84,18 @@ fn a_program_that_is_killed_ends_the_run_at_once() {
     let scenario = scenario(&source, 10.0);
     let program = start::start(&source, &setup(&scenario).expect("robots"), Duration::from_secs(5)).expect("starts");
     let id = program.process_id();
-    let mut rehearsal = Rehearsal::with_team(&scenario, team_of(&scenario, Box::new(program)).expect("a team")).expect("a world");
+    let mut rehearsal =
+        Rehearsal::with_team(&scenario, team_of(&scenario, Box::new(program)).expect("a team")).expect("a world");
     for _ in 0..60 {
         assert!(rehearsal.step());
     }
-    assert!(Command::new("kill").args(["-9", &id.to_string()]).status().expect("kill").success());
+    assert!(
+        Command::new("kill")
+            .args(["-9", &id.to_string()])
+            .status()
+            .expect("kill")
+            .success()
+    );
     assert!(!rehearsal.step());
     let fault = rehearsal.fault().expect("a fault");
     assert_eq!((fault.kind, fault.tick), (FaultKind::Died, Some(60)), "{fault}");
@@ -90,8 +108,9 @@ fn a_program_that_is_killed_ends_the_run_at_once() {
 #[test]
 fn late_answers_never_hold_anybody_up_and_silence_ends_the_run() {
     let patience = Duration::from_millis(3);
-    let (scenario, program) = shell("read s; echo '{\"ready\":{}}'; sleep 60", patience).expect("starts");
-    let mut rehearsal = Rehearsal::with_team(&scenario, team_of(&scenario, Box::new(program)).expect("a team")).expect("a world");
+    let (scenario, program) = shell("read s; echo '{\"ready\":{}}'; exec sleep 60", patience).expect("starts");
+    let mut rehearsal =
+        Rehearsal::with_team(&scenario, team_of(&scenario, Box::new(program)).expect("a team")).expect("a world");
     let begun = Instant::now();
     let mut ticks = 0;
     while rehearsal.step() {
@@ -111,18 +130,28 @@ fn processes_that_talk_nonsense_are_faulty() {
     let long = Duration::from_secs(5);
     let dies = shell("exit 3", long).expect_err("died");
     assert_eq!(dies.kind, FaultKind::Died);
-    assert_eq!(shell("echo hello; sleep 5", long).expect_err("nonsense").kind, FaultKind::BadCommand);
+    assert_eq!(
+        shell("echo hello; exec sleep 5", long).expect_err("nonsense").kind,
+        FaultKind::BadCommand
+    );
     let flood = shell("yes | tr -d '\\n'", long).expect_err("a flood");
     assert_eq!(flood.kind, FaultKind::Exhausted);
     for (answer, kind) in [
         ("{\"answer\":{\"tick\":5,\"robots\":[]}}", FaultKind::BadCommand),
         ("{\"answer\":{\"tick\":0,\"robots\":[]}}", FaultKind::BadCommand),
-        ("{\"answer\":{\"tick\":0,\"robots\":[{\"order\":{\"motion\":{\"twist\":[1e300,0,0]}}},{},{}]}}", FaultKind::BadCommand),
-        ("{\"fault\":{\"kind\":\"failed\",\"tick\":0,\"line\":null,\"column\":null,\"reason\":\"x\"}}", FaultKind::Failed),
+        (
+            "{\"answer\":{\"tick\":0,\"robots\":[{\"order\":{\"motion\":{\"twist\":[1e300,0,0]}}},{},{}]}}",
+            FaultKind::BadCommand,
+        ),
+        (
+            "{\"fault\":{\"kind\":\"failed\",\"tick\":0,\"line\":null,\"column\":null,\"reason\":\"x\"}}",
+            FaultKind::Failed,
+        ),
     ] {
-        let text = format!("read s; echo '{{\"ready\":{{}}}}'; read v; echo '{answer}'; sleep 5");
+        let text = format!("read s; echo '{{\"ready\":{{}}}}'; read v; echo '{answer}'; exec sleep 5");
         let (scenario, program) = shell(&text, long).expect("starts");
-        let mut rehearsal = Rehearsal::with_team(&scenario, team_of(&scenario, Box::new(program)).expect("a team")).expect("a world");
+        let mut rehearsal =
+            Rehearsal::with_team(&scenario, team_of(&scenario, Box::new(program)).expect("a team")).expect("a world");
         assert!(!rehearsal.step());
         assert_eq!(rehearsal.fault().expect("a fault").kind, kind, "{answer}");
     }
@@ -144,7 +173,10 @@ fn native_code_in_the_sandbox_cannot_do_anything_either() {
         let told = String::from_utf8_lossy(&told.stdout).into_owned();
         assert!(told.contains("system calls"), "{name}: {told}");
         assert!(!told.contains("done"), "{name} succeeds");
-        let unconfined = Command::new(attacker()).args([name, "free"]).output().expect("the attacker");
+        let unconfined = Command::new(attacker())
+            .args([name, "free"])
+            .output()
+            .expect("the attacker");
         free += usize::from(String::from_utf8_lossy(&unconfined.stdout).contains("done"));
     }
     assert_eq!(names.lines().count(), 30);

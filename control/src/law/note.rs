@@ -6,8 +6,21 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Note {
-    Log { text: String },
-    Point { at_m: [f64; 2], colour: u8 },
-    Line { from_m: [f64; 2], to_m: [f64; 2], colour: u8 },
-    Text { at_m: [f64; 2], text: String, colour: u8 },
+    Log {
+        text: String,
+    },
+    Point {
+        at_m: [f64; 2],
+        colour: u8,
+    },
+    Line {
+        from_m: [f64; 2],
+        to_m: [f64; 2],
+        colour: u8,
+    },
+    Text {
+        at_m: [f64; 2],
+        text: String,
+        colour: u8,
+    },
 }

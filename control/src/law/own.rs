@@ -73,7 +73,12 @@ pub(super) fn check(control: &Control, report: &mut dyn FnMut(String, String, St
                 problem(key, message, limit, "write a shorter program");
             }
             Some(_) => {}
-            None => problem(key, format!("the {key} is not a text"), limit, "give it as a JSON string"),
+            None => problem(
+                key,
+                format!("the {key} is not a text"),
+                limit,
+                "give it as a JSON string",
+            ),
         }
     }
     for (key, value) in entries.iter().filter(|(key, _)| *key != SCRIPT && *key != MODULE) {

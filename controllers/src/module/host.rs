@@ -97,7 +97,9 @@ fn numbers(linker: &mut Linker<Host>) -> Result<(), Error> {
         ("exp", libm::exp),
         ("ln", libm::log),
         ("tanh", libm::tanh),
-        ("wrap", |angle_rad| libm::atan2(libm::sin(angle_rad), libm::cos(angle_rad))),
+        ("wrap", |angle_rad| {
+            libm::atan2(libm::sin(angle_rad), libm::cos(angle_rad))
+        }),
     ];
     let binary: [Binary; 3] = [("atan2", libm::atan2), ("hypot", libm::hypot), ("pow", libm::pow)];
     for (name, function) in unary {

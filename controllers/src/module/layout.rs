@@ -76,7 +76,11 @@ pub(super) fn write(view: &View, setup: &Setup, bytes: &mut Vec<u8>) {
         put(bytes, &words, ROBOT_WORDS);
     }
     for place in setup.robots.iter().flat_map(|robot| &robot.targets) {
-        put(bytes, &[place.x_m, place.y_m, place.yaw_rad.unwrap_or(UNKNOWN)], TARGET_WORDS);
+        put(
+            bytes,
+            &[place.x_m, place.y_m, place.yaw_rad.unwrap_or(UNKNOWN)],
+            TARGET_WORDS,
+        );
     }
 }
 
@@ -111,7 +115,11 @@ pub(super) fn read(bytes: &[u8], robot: usize) -> Result<Say, String> {
             wheels.copy_from_slice(&words[1..=WHEELS]);
             Some(order(Motion::Wheels(wheels), None, Some(words[9])))
         }
-        kind => return Err(format!("the command for robot {robot} is of the kind {kind}; there are 0 to 3")),
+        kind => {
+            return Err(format!(
+                "the command for robot {robot} is of the kind {kind}; there are 0 to 3"
+            ));
+        }
     };
     let place = [words[12], words[13]];
     let shown = words[11] == 1.0 && place.iter().all(|value| value.is_finite());

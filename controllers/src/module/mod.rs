@@ -35,7 +35,9 @@ pub(crate) struct ModuleProgram {
 
 impl std::fmt::Debug for ModuleProgram {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("ModuleProgram").field("robots", &self.setup.robots.len()).finish()
+        f.debug_struct("ModuleProgram")
+            .field("robots", &self.setup.robots.len())
+            .finish()
     }
 }
 
@@ -58,7 +60,8 @@ impl ModuleProgram {
         };
         let mut store = Store::new(&engine, host);
         store.limiter(|host| &mut host.limits);
-        let fuel = |store: &mut Store<Host>, fuel: u64| store.set_fuel(fuel).map_err(|error| refused(error.to_string()));
+        let fuel =
+            |store: &mut Store<Host>, fuel: u64| store.set_fuel(fuel).map_err(|error| refused(error.to_string()));
         fuel(&mut store, limits::MODULE_START_FUEL)?;
         let mut linker = Linker::new(&engine);
         host::define(&mut linker).map_err(|error| refused(error.to_string()))?;
@@ -67,14 +70,21 @@ impl ModuleProgram {
             .map_err(|error| stopped(&error, None, limits::MODULE_START_FUEL))?;
         let missing = |name: &str| refused(format!("the module does not export `{name}` as it must be"));
         let memory = instance.get_memory(&store, "memory").ok_or_else(|| missing("memory"))?;
-        let buffer = instance.get_typed_func::<i32, i32>(&store, "buffer").map_err(|_| missing("buffer"))?;
-        let step = instance.get_typed_func::<(i32, i32), i32>(&store, "step").map_err(|_| missing("step"))?;
+        let buffer = instance
+            .get_typed_func::<i32, i32>(&store, "buffer")
+            .map_err(|_| missing("buffer"))?;
+        let step = instance
+            .get_typed_func::<(i32, i32), i32>(&store, "step")
+            .map_err(|_| missing("step"))?;
         let words = layout::view_words(setup);
         let pointer = buffer
             .call(&mut store, words as i32)
             .map_err(|error| stopped(&error, None, limits::MODULE_START_FUEL))?;
         let buffer = pointer as u32 as usize;
-        if buffer.checked_add(words * 8).is_none_or(|end| end > memory.data_size(&store)) {
+        if buffer
+            .checked_add(words * 8)
+            .is_none_or(|end| end > memory.data_size(&store))
+        {
             let reason = format!("`buffer` gave {buffer}, where {words} words do not fit into the memory");
             return Err(refused(reason));
         }
@@ -110,7 +120,12 @@ impl Program for ModuleProgram {
         let length = answer.robots.len() * layout::ORDER_WORDS * 8;
         let orders = pointer.checked_add(length).and_then(|end| memory.get(pointer..end));
         let orders = orders.ok_or_else(|| bad("`step` gave a pointer whose commands lie outside the memory"))?;
-        for (robot, (say, words)) in answer.robots.iter_mut().zip(orders.chunks_exact(layout::ORDER_WORDS * 8)).enumerate() {
+        for (robot, (say, words)) in answer
+            .robots
+            .iter_mut()
+            .zip(orders.chunks_exact(layout::ORDER_WORDS * 8))
+            .enumerate()
+        {
             *say = layout::read(words, robot).map_err(|reason| bad(&reason))?;
         }
         Ok(Reply::InTime)
@@ -170,10 +185,16 @@ fn check(module: &Module) -> Result<(), Fault> {
 /// Why a call did not come back, in words.
 fn stopped(error: &Error, tick: Option<u64>, fuel: u64) -> Fault {
     let (kind, reason) = match error.as_trap_code() {
-        Some(TrapCode::OutOfFuel) => (FaultKind::Exhausted, format!("more than {fuel} units of fuel in one tick")),
+        Some(TrapCode::OutOfFuel) => (
+            FaultKind::Exhausted,
+            format!("more than {fuel} units of fuel in one tick"),
+        ),
         Some(TrapCode::StackOverflow) => {
             let (bytes, calls) = (limits::MODULE_STACK_BYTES, limits::MODULE_CALL_DEPTH);
-            (FaultKind::Exhausted, format!("the stack holds {bytes} bytes and {calls} calls"))
+            (
+                FaultKind::Exhausted,
+                format!("the stack holds {bytes} bytes and {calls} calls"),
+            )
         }
         Some(code) => (FaultKind::Failed, format!("trap: {}", code.trap_message())),
         None => (FaultKind::Failed, error.to_string()),

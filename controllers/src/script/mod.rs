@@ -39,7 +39,9 @@ pub(crate) struct ScriptProgram {
 
 impl std::fmt::Debug for ScriptProgram {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("ScriptProgram").field("robots", &self.setup.robots.len()).finish()
+        f.debug_struct("ScriptProgram")
+            .field("robots", &self.setup.robots.len())
+            .finish()
     }
 }
 
@@ -75,7 +77,9 @@ impl ScriptProgram {
         let tick = now.tick();
         self.engine.set_max_operations(operations);
         let options = CallFnOptions::new().eval_ast(false).bind_this_ptr(&mut self.state);
-        let done = self.engine.call_fn_with_options::<Dynamic>(options, &mut Scope::new(), &self.ast, name, (now,));
+        let done = self
+            .engine
+            .call_fn_with_options::<Dynamic>(options, &mut Scope::new(), &self.ast, name, (now,));
         match done {
             Ok(_) => state::check(&self.state).map_err(|reason| Fault::new(FaultKind::Exhausted, Some(tick), reason)),
             Err(error) => Err(fault(&error, tick, operations)),
@@ -147,12 +151,16 @@ fn statement_outside(ast: &AST) -> Option<Position> {
 fn fault(error: &EvalAltResult, tick: u64, operations: u64) -> Fault {
     let inner = error.unwrap_inner();
     let (kind, reason) = match inner {
-        EvalAltResult::ErrorTooManyOperations(_) => {
-            (FaultKind::Exhausted, format!("more than {operations} operations in one tick"))
-        }
+        EvalAltResult::ErrorTooManyOperations(_) => (
+            FaultKind::Exhausted,
+            format!("more than {operations} operations in one tick"),
+        ),
         EvalAltResult::ErrorStackOverflow(_) => {
             let depth = limits::SCRIPT_CALL_DEPTH;
-            (FaultKind::Exhausted, format!("more than {depth} functions that call each other"))
+            (
+                FaultKind::Exhausted,
+                format!("more than {depth} functions that call each other"),
+            )
         }
         EvalAltResult::ErrorDataTooLarge(what, _) => (FaultKind::Exhausted, format!("{what} is too large")),
         EvalAltResult::ErrorRuntime(value, _) => (FaultKind::Failed, value.to_string()),
@@ -164,8 +172,16 @@ fn fault(error: &EvalAltResult, tick: u64, operations: u64) -> Fault {
             (FaultKind::Failed, bare)
         }
     };
-    let kind = if reason.contains(words::BAD_COMMAND) { FaultKind::BadCommand } else { kind };
-    let position = if inner.position().is_none() { error.position() } else { inner.position() };
+    let kind = if reason.contains(words::BAD_COMMAND) {
+        FaultKind::BadCommand
+    } else {
+        kind
+    };
+    let position = if inner.position().is_none() {
+        error.position()
+    } else {
+        inner.position()
+    };
     placed(Fault::new(kind, Some(tick), reason), position)
 }
 

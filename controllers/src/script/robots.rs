@@ -44,7 +44,9 @@ impl Now {
     }
 
     fn robots(&self) -> Array {
-        (0..self.count()).map(|place| Dynamic::from(self.robot(place))).collect()
+        (0..self.count())
+            .map(|place| Dynamic::from(self.robot(place)))
+            .collect()
     }
 }
 
@@ -70,7 +72,9 @@ impl Robot {
             .filter(|(distance_m, _)| *distance_m < radius_m)
             .collect();
         near.sort_by(|a, b| a.0.total_cmp(&b.0));
-        near.into_iter().map(|(_, other)| Dynamic::from(self.now.robot(other))).collect()
+        near.into_iter()
+            .map(|(_, other)| Dynamic::from(self.now.robot(other)))
+            .collect()
     }
 }
 
@@ -110,18 +114,29 @@ pub(super) fn register(engine: &mut Engine) {
         .register_get("age_s", |robot: &mut Robot| robot.seen().age_s)
         .register_get("forward_m_per_s", |robot: &mut Robot| robot.seen().forward_m_per_s)
         .register_get("left_m_per_s", |robot: &mut Robot| robot.seen().left_m_per_s)
-        .register_get("yaw_rate_rad_per_s", |robot: &mut Robot| robot.seen().yaw_rate_rad_per_s)
+        .register_get("yaw_rate_rad_per_s", |robot: &mut Robot| {
+            robot.seen().yaw_rate_rad_per_s
+        })
         .register_get("online", |robot: &mut Robot| robot.seen().online)
         .register_get("ranges_m", |robot: &mut Robot| -> Array {
             robot.seen().ranges_m.iter().map(|range_m| (*range_m).into()).collect()
         })
         .register_get("targets", |robot: &mut Robot| -> Array {
-            robot.member().targets.iter().map(|place| Dynamic::from(*place)).collect()
+            robot
+                .member()
+                .targets
+                .iter()
+                .map(|place| Dynamic::from(*place))
+                .collect()
         })
-        .register_fn("neighbours", |robot: &mut Robot, radius_m: f64| robot.neighbours(radius_m));
+        .register_fn("neighbours", |robot: &mut Robot, radius_m: f64| {
+            robot.neighbours(radius_m)
+        });
     engine
         .register_type_with_name::<Place>("Target")
         .register_get("x_m", |place: &mut Place| place.x_m)
         .register_get("y_m", |place: &mut Place| place.y_m)
-        .register_get("yaw_rad", |place: &mut Place| place.yaw_rad.map_or(Dynamic::UNIT, Dynamic::from));
+        .register_get("yaw_rad", |place: &mut Place| {
+            place.yaw_rad.map_or(Dynamic::UNIT, Dynamic::from)
+        });
 }

@@ -44,7 +44,12 @@ pub(super) fn register(engine: &mut Engine, setup: &Arc<Setup>, spoken: &Arc<Mut
     commands(engine, spoken);
     drawings(engine, spoken);
     let own = setup.clone();
-    let value = move |name: &str| own.parameters.iter().find(|(known, _)| known == name).map(|(_, value)| *value);
+    let value = move |name: &str| {
+        own.parameters
+            .iter()
+            .find(|(known, _)| known == name)
+            .map(|(_, value)| *value)
+    };
     let needed = value.clone();
     engine.register_fn("parameter", move |name: &str| {
         let none = || -> Box<EvalAltResult> { format!("the experiment gives no parameter {name:?}").into() };
@@ -69,10 +74,13 @@ fn commands(engine: &mut Engine, spoken: &Arc<Mutex<Answer>>) {
         command(&to, &robot, order)
     });
     let to = spoken.clone();
-    engine.register_fn("velocity", move |robot: Dynamic, x: Dynamic, y: Dynamic, yaw: Dynamic| {
-        let order = velocity([number(&x)?, number(&y)?], Some(number(&yaw)?));
-        command(&to, &robot, order)
-    });
+    engine.register_fn(
+        "velocity",
+        move |robot: Dynamic, x: Dynamic, y: Dynamic, yaw: Dynamic| {
+            let order = velocity([number(&x)?, number(&y)?], Some(number(&yaw)?));
+            command(&to, &robot, order)
+        },
+    );
     let to = spoken.clone();
     engine.register_fn("wheels", move |robot: Dynamic, speeds: Array| {
         command(&to, &robot, wheels(&speeds, None)?)
@@ -82,15 +90,23 @@ fn commands(engine: &mut Engine, spoken: &Arc<Mutex<Answer>>) {
         command(&to, &robot, wheels(&speeds, Some(number(&steering)?))?)
     });
     let to = spoken.clone();
-    engine.register_fn("stop", move |robot: Dynamic| command(&to, &robot, Order::twist([0.0; 3])));
+    engine.register_fn("stop", move |robot: Dynamic| {
+        command(&to, &robot, Order::twist([0.0; 3]))
+    });
     let to = spoken.clone();
-    engine.register_fn("finished", move |robot: Dynamic| about(&to, &robot, |say| say.finished = true));
+    engine.register_fn("finished", move |robot: Dynamic| {
+        about(&to, &robot, |say| say.finished = true)
+    });
     let to = spoken.clone();
-    engine.register_fn("finished", move |robot: Dynamic, is: bool| about(&to, &robot, |say| say.finished = is));
+    engine.register_fn("finished", move |robot: Dynamic, is: bool| {
+        about(&to, &robot, |say| say.finished = is)
+    });
     let to = spoken.clone();
     engine.register_fn("target", move |robot: Dynamic, x: Dynamic, y: Dynamic| {
         let place = [number(&x)?, number(&y)?];
-        about(&to, &robot, |say| say.target_m = Some(place).filter(|place| place.iter().all(|v| v.is_finite())))
+        about(&to, &robot, |say| {
+            say.target_m = Some(place).filter(|place| place.iter().all(|v| v.is_finite()))
+        })
     });
 }
 
