@@ -93,3 +93,42 @@ fn limits_stop_growing_scripts_at_the_same_tick() {
         );
     }
 }
+
+/// The target's library stands where rustup puts it; other set-ups build their bundles otherwise.
+fn builds_modules() -> bool {
+    let told = std::process::Command::new("rustc")
+        .args(["--print", "sysroot"])
+        .output();
+    let sysroot = told.map(|told| String::from_utf8_lossy(&told.stdout).trim().to_owned());
+    sysroot.is_ok_and(|root| {
+        std::path::Path::new(&root)
+            .join("lib/rustlib/wasm32-unknown-unknown/lib")
+            .is_dir()
+    })
+}
+
+#[test]
+fn the_module_in_rust_builds_as_it_says_and_drives_as_the_one_in_text() {
+    if !builds_modules() {
+        println!("rustc has no wasm32-unknown-unknown here: the example in Rust is not built");
+        return;
+    }
+    let source = concat!(env!("CARGO_MANIFEST_DIR"), "/gallery/go_to_point.rs");
+    let command = std::fs::read_to_string(source).expect("the example");
+    let line = command
+        .lines()
+        .find_map(|line| line.strip_prefix("//! Build: `rustc "))
+        .expect("its command");
+    let out = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("go_to_point.wasm");
+    let mut rustc = std::process::Command::new("rustc");
+    let words = line
+        .trim_end_matches('`')
+        .split(' ')
+        .filter(|word| !word.ends_with(".rs"));
+    rustc.args(words).arg(source).arg("-o").arg(&out);
+    assert!(rustc.status().expect("rustc").success());
+    let built = Source::module(&std::fs::read(out).expect("a module"));
+    let [built, assembled] =
+        [built, Source::module(MODULE)].map(|source| rehearse_json(&scenario_json(&source, 8.0)).expect("a rehearsal"));
+    assert_eq!(built, assembled);
+}

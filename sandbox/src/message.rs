@@ -14,7 +14,7 @@ pub const MAX_LINE_BYTES: usize = 4 * 1024 * 1024;
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Ask {
     Setup {
-        setup: Setup,
+        team: Setup,
         /// Absent for programs that bring their own.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         source: Option<Source>,

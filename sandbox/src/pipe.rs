@@ -68,7 +68,7 @@ impl PipeProgram {
             unblock(fd).map_err(|error| none(format!("its pipe cannot be used: {error}")))?;
         }
         let setup = Ask::Setup {
-            setup: setup.clone(),
+            team: setup.clone(),
             source: source.cloned(),
         };
         program.write(&setup, None)?;

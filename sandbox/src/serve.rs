@@ -14,7 +14,7 @@ use crate::message::{Ask, MAX_LINE_BYTES, Told};
 /// - Errors: the pipe is broken or the parent says something that is no message.
 pub fn serve(input: impl Read, mut output: impl Write, confined: Vec<String>) -> std::io::Result<()> {
     let mut input = std::io::BufReader::new(input);
-    let Some(Ask::Setup { setup, source }) = ask(&mut input)? else {
+    let Some(Ask::Setup { team: setup, source }) = ask(&mut input)? else {
         return Err(std::io::Error::other("the first message is not the setup"));
     };
     let robots = setup.robots.len();
