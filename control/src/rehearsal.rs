@@ -7,7 +7,7 @@ use twin::robot::Robot;
 use twin::twist::BodyTwist;
 use twin::world::{Obstacle, ObstacleContact, World};
 
-use crate::law::{RobotObservation, path_error_m};
+use crate::law::{Fault, Note, RobotObservation, path_error_m};
 use crate::scenario::{FieldProblem, Scenario};
 use crate::team::{Team, TeamOutput, robots};
 use crate::verdict::{Finding, REPLAY_FORMAT, Replay, ReplayRobot, Severity, VERDICT_FORMAT, Verdict, sentence};
@@ -68,6 +68,7 @@ pub struct Rehearsal {
     replay: Vec<ReplayRobot>,
     broken: bool,
     stuck: bool,
+    faulty: bool,
 }
 
 /// Rehearses a scenario from start to end.
@@ -120,6 +121,7 @@ impl Rehearsal {
             replay,
             broken: false,
             stuck: false,
+            faulty: false,
             world,
         };
         rehearsal.add_frame();
@@ -146,6 +148,7 @@ impl Rehearsal {
         self.seen[POSE_AGE_TICKS] = observe(&self.world, self.names.len(), POSE_AGE_TICKS as f64 * TICK_S);
         self.judge();
         self.look_for_deadlock();
+        self.look_for_fault();
         if self.world.tick().is_multiple_of(FRAME_TICKS) {
             self.add_frame();
         }
@@ -154,7 +157,7 @@ impl Rehearsal {
 
     /// The duration is over, the team is done or stuck, or the numbers are no longer finite.
     pub fn is_finished(&self) -> bool {
-        self.broken || self.stuck || self.world.tick() >= self.ticks || self.team.is_done()
+        self.broken || self.stuck || self.faulty || self.world.tick() >= self.ticks || self.team.is_done()
     }
 
     /// The numbers are no longer finite.
@@ -165,6 +168,16 @@ impl Rehearsal {
     /// A deadlock was given up.
     pub fn is_stuck(&self) -> bool {
         self.stuck
+    }
+
+    /// Why the user's own controller cannot go on.
+    pub fn fault(&self) -> Option<&Fault> {
+        self.team.fault()
+    }
+
+    /// What the controller said and drew in the last tick.
+    pub fn notes(&self) -> &[Note] {
+        self.team.notes()
     }
 
     /// What can be seen of a robot now.
@@ -217,7 +230,7 @@ impl Rehearsal {
             self.add_frame();
         }
         let unreached: Vec<usize> = (0..self.outputs.len()).filter(|i| !self.outputs[*i].finished).collect();
-        if !self.broken {
+        if !self.broken && !self.faulty {
             for i in unreached {
                 self.target_not_reached(i);
             }
@@ -354,6 +367,19 @@ impl Rehearsal {
             attempts - 1
         );
         self.find(Severity::Warning, "deadlock", held, message, None);
+    }
+
+    /// As in the laboratory, the run ends when the user's own controller cannot go on.
+    fn look_for_fault(&mut self) {
+        let Some(message) = self
+            .team
+            .fault()
+            .map(|fault| format!("the controller cannot go on: {fault}"))
+        else {
+            return;
+        };
+        self.faulty = true;
+        self.find(Severity::Error, "controller_fault", Vec::new(), message, None);
     }
 
     fn target_not_reached(&mut self, i: usize) {

@@ -8,7 +8,7 @@ use crate::TICK_S;
 use crate::answer::{Answer, assumed_latency_s};
 use crate::interaction::{Interaction, Settings, TURNS};
 pub use crate::law::RobotObservation;
-use crate::law::{self, Body, Demand, Drive, Goal, Law, Observation, Parameters};
+use crate::law::{self, Body, Demand, Drive, Fault, Goal, Law, Note, Observation, Parameters, Standing};
 use crate::prediction::Predictor;
 use crate::rehearsal::modelled;
 use crate::safety::{Deadlock, FilterBody, Filtered, Geofence, Intervention, Limits, SafeCommand, SafetyFilter};
@@ -72,6 +72,11 @@ impl Team {
             return Err(problems);
         }
         let law = law::build(scenario).ok_or_else(|| vec![no_law(&scenario.experiment.control.law)])?;
+        Team::corrected(scenario, law)
+    }
+
+    /// [`Team::with_law`], with the interaction where the experiment asks for it.
+    pub fn corrected(scenario: &Scenario, law: Box<dyn Law>) -> Result<Team, Vec<FieldProblem>> {
         let team = Team::with_law(scenario, law)?;
         match scenario.interaction() {
             Some(settings) => Ok(team.with_interaction(&modelled(scenario)?, settings)),
@@ -155,6 +160,14 @@ impl Team {
             parameters: &self.parameters,
         };
         self.law.step(&observation, &mut self.demands);
+        match self.law.standing() {
+            Standing::Answered => {}
+            Standing::Late => return self.missed_tick(),
+            Standing::Faulty(_) => {
+                self.tick += 1;
+                return self.stop_all();
+            }
+        }
         let wishes = self.demands.iter().zip(&self.predictors).zip(&self.outputs);
         for (wanted, ((demand, predictor), last)) in self.wanted.iter_mut().zip(wishes) {
             *wanted = accelerated(&last.safe.twist(), &predictor.command(&demand.twist));
@@ -310,6 +323,19 @@ impl Team {
     /// Limits of the safety filter.
     pub fn limits(&self) -> &Limits {
         self.filter.limits()
+    }
+
+    /// Why the law will not answer again; the robots stop from then on.
+    pub fn fault(&self) -> Option<&Fault> {
+        match self.law.standing() {
+            Standing::Faulty(fault) => Some(fault),
+            Standing::Answered | Standing::Late => None,
+        }
+    }
+
+    /// What the law said and drew on the last tick.
+    pub fn notes(&self) -> &[Note] {
+        self.law.notes()
     }
 
     /// Name of the law.

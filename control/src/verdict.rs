@@ -38,7 +38,8 @@ pub enum Severity {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Finding {
     pub severity: Severity,
-    /// `robots_collide`, `robot_hits_wall`, `left_finite_numbers`, `target_not_reached`, `deadlock` or `path_error_large`.
+    /// `robots_collide`, `robot_hits_wall`, `left_finite_numbers`, `target_not_reached`, `deadlock`, `controller_fault` or
+    /// `path_error_large`.
     pub code: String,
     /// Moment in the replay.
     pub at_s: f64,

@@ -25,6 +25,7 @@ use lab::safety::{Ending, Signals};
 use robot::frame::TELEMETRY_MAX_CHARACTERS;
 use robot::key::Key;
 use robot::watchdog::WatchdogState;
+use sandbox::start::REHEARSAL_PATIENCE;
 
 /// Any key does: nobody else is in the air.
 const KEY_HEX: &str = "000102030405060708090a0b0c0d0e0f";
@@ -134,7 +135,8 @@ impl Rig {
 
     /// As [`Self::new`] for a scenario made elsewhere, with the models that it names.
     pub fn with_scenario(scene: &Scene, settings: &RigSettings, scenario: &Scenario) -> Result<Self> {
-        let team = Team::new(scenario).map_err(refused)?;
+        // In virtual time there is no deadline that an own controller could miss.
+        let team = sandbox::start::team(scenario, REHEARSAL_PATIENCE).map_err(refused)?;
         Self::with_team(scene, settings, scenario, team)
     }
 

@@ -103,7 +103,7 @@ pub(crate) async fn ride(
         first_tick: FIRST_TICK,
         phase_us: lab.localisation.tick_phase_us(1e6 / TICK_HZ as f64),
     };
-    let LoopEnd { result, ports } = run::run_loop(setup).await?;
+    let LoopEnd { result, ports, .. } = run::run_loop(setup).await?;
     let LoopResult { ending, ticks, .. } = result;
     let names: Vec<_> = names(assignment);
     match ending {

@@ -148,9 +148,14 @@ pub fn scenario(assignment: &Assignment) -> Result<Scenario, Vec<FieldProblem>> 
 /// The end of a run whose experiment breaks a rule after all.
 pub fn refused(problems: Vec<FieldProblem>) -> Conclusion {
     let first = problems.into_iter().next();
+    // What the service's rehearsal admitted and does not run here is the platform's fault, but for the user's own program.
+    let own = first
+        .as_ref()
+        .is_some_and(|problem| problem.field.starts_with("control.parameters."));
+    let whose = if own { Whose::User } else { Whose::Platform };
     let problem = first.map(|problem| format!("{}: {}", problem.field, problem.message));
     Conclusion::failed(
-        Whose::Platform,
+        whose,
         "experiment_refused",
         format!(
             "The laboratory cannot run this experiment: {}.",

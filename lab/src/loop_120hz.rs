@@ -46,6 +46,8 @@ pub struct Setup {
 /// What is left of a setup when the robots are at rest.
 pub struct LoopEnd {
     pub result: LoopResult,
+    /// Why the user's own controller could not go on.
+    pub fault: Option<String>,
     /// In the order of the experiment.
     pub ports: Vec<HeldPort>,
 }
@@ -114,6 +116,7 @@ pub fn run(setup: Setup) -> LoopEnd {
             let missed = schedule.missed();
             return LoopEnd {
                 result: LoopResult { ending, ticks, missed },
+                fault: pilot.team().fault().map(ToString::to_string),
                 ports: ports.into_ports(),
             };
         }

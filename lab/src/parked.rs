@@ -8,7 +8,6 @@ use crate::lab::Lab;
 use api::arena::{FixedObstacle, Shape};
 use api::experiment::Pose;
 use api::lab::Assignment;
-use control::rehearsal::Rehearsal;
 use std::sync::Arc;
 use tokio::task::spawn_blocking;
 
@@ -106,7 +105,7 @@ impl ParkedRobot {
 
 /// The twin drives the experiment alike, tick for tick, whether they stand there or not.
 fn is_undisturbed(assignment: &Assignment, parked: &Parked) -> bool {
-    let twin = |assignment: &Assignment| scenario(assignment).and_then(|scenario| Rehearsal::new(&scenario));
+    let twin = |assignment: &Assignment| scenario(assignment).and_then(|scenario| sandbox::start::rehearsal(&scenario));
     // An experiment that breaks a rule with them, for example by a start where one of them stands, does so here.
     let (Ok(mut alone), Ok(mut beside)) = (twin(assignment), twin(&parked.with(assignment))) else {
         return false;

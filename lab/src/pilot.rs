@@ -10,7 +10,7 @@ use crate::record::{Command, Intervention, Log, LogLevel, Picture, Pose, Record,
 use crate::robot_limits::RobotLimits;
 use crate::safety::{Ending, Inputs, Permission, RobotHealth, Safety, Signals};
 use crate::strangers::{self, Strangers};
-use control::law::RobotObservation;
+use control::law::{Note, RobotObservation};
 use control::safety::{Cause, SafeCommand};
 use control::team::{Team, TeamOutput};
 use std::borrow::Cow;
@@ -37,6 +37,24 @@ pub trait Outlet {
     fn still(&mut self, place: usize, still: Still, tick: u32) -> Sent;
     /// All robots have their order of this tick: what was kept back for a group goes out now.
     fn finish(&mut self, _tick: u32) {}
+}
+
+/// Log lines of the user's own controller that go into the record in one tick: its queue is the measurements' first.
+const NOTES_PER_TICK: usize = 8;
+
+/// Writes down what the user's own controller says; its drawings are for the page alone.
+pub(crate) fn tell_notes(notes: &[Note], at_us: i64, sink: &mut impl Sink) {
+    let lines = notes.iter().filter_map(|note| match note {
+        Note::Log { text } => Some(text),
+        _ => None,
+    });
+    for text in lines.take(NOTES_PER_TICK) {
+        sink.push(Record::Log(Log {
+            at_us,
+            level: LogLevel::Info,
+            message: format!("controller: {text}"),
+        }));
+    }
 }
 
 /// Takes records down; never waits.
@@ -199,6 +217,7 @@ impl Pilot {
             signals,
             team_finished: self.team.is_done(),
             team_stuck: self.team.is_stuck(),
+            team_faulty: self.team.fault().is_some(),
             time_over: slot >= self.duration_ticks,
         };
         match self.safety.tick(&inputs) {
@@ -352,6 +371,9 @@ impl Pilot {
                     change_rad_per_s: intervention.change_rad_per_s,
                 }));
             }
+        }
+        if overdue == 0 {
+            tell_notes(self.team.notes(), now_us, sink);
         }
     }
 

@@ -21,7 +21,7 @@ use crate::sleep_probe::SleepProbe;
 use crate::strangers::Strangers;
 use api::lab::Assignment;
 use api::run::{Fault, RunState, Whose};
-use control::team::Team;
+use sandbox::start::RUN_PATIENCE;
 use std::sync::{Arc, PoisonError};
 
 /// How a run ended.
@@ -32,6 +32,15 @@ pub struct Conclusion {
 }
 
 impl Conclusion {
+    /// Adds a reason in words to what it says of a fault.
+    #[must_use]
+    pub fn because(mut self, reason: Option<String>) -> Self {
+        if let (Some(fault), Some(reason)) = (&mut self.fault, reason) {
+            fault.message = format!("{} {reason}.", fault.message);
+        }
+        self
+    }
+
     /// An end that the laboratory reports as `failed`.
     pub fn failed(whose: Whose, code: &str, message: String) -> Self {
         Self {
@@ -88,7 +97,11 @@ async fn try_attempt(
     recorder: &RecorderHandle,
 ) -> Result<Conclusion, Conclusion> {
     let scenario = scenario(assignment).map_err(refused)?;
-    let team = Team::new(&scenario).map_err(refused)?;
+    // Half a second at worst for a program of the user's: it is compiled in its own process before anything moves.
+    let team = tokio::task::spawn_blocking(move || sandbox::start::team(&scenario, RUN_PATIENCE))
+        .await
+        .map_err(|_| Conclusion::failed(Whose::Platform, "start_failed", "The team cannot be set up.".to_owned()))?
+        .map_err(refused)?;
     let ports = take_ports(lab, assignment)?;
     let grouped = ports.len() > 1 && ports.iter().all(|port| port.reads_groups());
     medium::check(lab.medium, ports.len(), TICK_HZ as f64, grouped)?;
@@ -131,14 +144,14 @@ async fn try_attempt(
         .iter()
         .map(|robot| robot.name.clone())
         .collect();
-    let LoopEnd { result, .. } = run_loop(setup).await?;
+    let LoopEnd { result, fault, .. } = run_loop(setup).await?;
     drop(probe);
     let LoopResult { ending, ticks, missed } = result;
     recorder.log(
         LogLevel::Info,
         format!("robots at rest after {ticks} ticks, {missed} missed"),
     );
-    Ok(Conclusion::of(ending, &names))
+    Ok(Conclusion::of(ending, &names).because(fault))
 }
 
 /// Motion limits of each robot.

@@ -41,6 +41,8 @@ pub struct Inputs<'a> {
     pub team_finished: bool,
     /// Robots hold each other for good.
     pub team_stuck: bool,
+    /// The user's own controller cannot go on.
+    pub team_faulty: bool,
     /// The experiment's time is over.
     pub time_over: bool,
 }
@@ -95,6 +97,8 @@ pub enum Ending {
     PoseLost(usize),
     Cancelled,
     Deadlock,
+    /// The user's own controller cannot go on.
+    ControllerFault,
 }
 
 /// See the module.
@@ -156,6 +160,8 @@ fn find_ending(inputs: &Inputs) -> Option<Ending> {
         Some(Ending::RobotUnfit(robot, finding))
     } else if signals.cancel {
         Some(Ending::Cancelled)
+    } else if inputs.team_faulty {
+        Some(Ending::ControllerFault)
     } else if inputs.team_finished || inputs.time_over {
         Some(Ending::Finished)
     } else if inputs.team_stuck {
@@ -255,6 +261,12 @@ impl Ending {
                 "deadlock",
                 "Robots held each other, and no attempt to get them past one another succeeded.".to_owned(),
             ),
+            Self::ControllerFault => (
+                RunState::Failed,
+                Whose::User,
+                "controller_fault",
+                "The experiment's own controller could not go on.".to_owned(),
+            ),
         };
         (
             state,
@@ -294,6 +306,7 @@ mod tests {
             signals: QUIET,
             team_finished: false,
             team_stuck: false,
+            team_faulty: false,
             time_over: false,
         }
     }
@@ -479,6 +492,25 @@ mod tests {
             );
             assert!(fault.message.contains("omni-02"), "{}", fault.message);
         }
+    }
+
+    #[test]
+    fn a_controller_that_cannot_go_on_ends_the_run_as_the_users_fault() {
+        let faulty = Inputs {
+            team_faulty: true,
+            team_finished: true,
+            ..inputs(&FINE)
+        };
+        assert_eq!(
+            Safety::default().tick(&faulty),
+            Permission::Ended(Ending::ControllerFault)
+        );
+        let (state, fault) = Ending::ControllerFault.report(&[]);
+        let fault = fault.expect("a fault");
+        assert_eq!(
+            (state, fault.whose, fault.code.as_str()),
+            (RunState::Failed, Whose::User, "controller_fault")
+        );
     }
 
     #[test]

@@ -112,7 +112,7 @@ impl ShadowRun {
         let made = [true, false].map(|measured| self.scenario(assignment, measured));
         let mut problem = String::new();
         for scenario in made {
-            match scenario.and_then(|scenario| Rehearsal::new(&scenario)) {
+            match scenario.and_then(|scenario| sandbox::start::rehearsal(&scenario)) {
                 Ok(twin) => return Ok(VirtualSide::Beside(Box::new(twin))),
                 Err(problems) => problem = first(&problems),
             }

@@ -73,7 +73,7 @@ async fn attempt(
         .map(|robot| robot.name.clone())
         .collect();
     Ok(match ending {
-        VirtualEnding::As(ending) => Conclusion::of(ending, &names),
+        VirtualEnding::As(ending) => Conclusion::of(ending, &names).because(run.fault()),
         VirtualEnding::Broken => Conclusion::failed(
             Whose::User,
             "left_finite_numbers",

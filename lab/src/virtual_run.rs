@@ -4,7 +4,7 @@
 //! the end is the one of its verdict. What the model's sensors tell is written down without noise.
 
 use crate::archive::parquet::driven_wheels;
-use crate::pilot::{Sink, explain, parts};
+use crate::pilot::{Sink, explain, parts, tell_notes};
 use crate::record::{CameraName, Command, Intervention, LINK_WHEELS, Pose, Record, Telemetry};
 use crate::safety::Ending;
 use crate::schedule::TICK_HZ;
@@ -45,7 +45,7 @@ impl VirtualRun {
             driven: driven_wheels(&robot.description),
         };
         Ok(Self {
-            twin: Rehearsal::new(scenario)?,
+            twin: sandbox::start::rehearsal(scenario)?,
             robots: assignment.robots.iter().map(robot).collect(),
             numbers: assignment.robots.iter().map(|robot| robot.number).collect(),
             camera: CAMERA.into(),
@@ -69,6 +69,11 @@ impl VirtualRun {
         self.twin.digest()
     }
 
+    /// Why the user's own controller cannot go on, in words.
+    pub fn fault(&self) -> Option<String> {
+        self.twin.fault().map(ToString::to_string)
+    }
+
     /// Writes down where everybody stands before the first tick.
     pub fn begin(&self, sink: &mut impl Sink) {
         self.tell_states(0, sink);
@@ -79,12 +84,15 @@ impl VirtualRun {
         let tick = self.tick;
         let more = self.twin.step();
         self.tell_orders(tick, sink);
+        tell_notes(self.twin.notes(), self.due_us(tick), sink);
         if self.twin.is_broken() {
             return Some(VirtualEnding::Broken);
         }
         self.tick += 1;
         self.tell_states(self.tick, sink);
-        (!more).then_some(VirtualEnding::As(if self.twin.is_stuck() {
+        (!more).then_some(VirtualEnding::As(if self.twin.fault().is_some() {
+            Ending::ControllerFault
+        } else if self.twin.is_stuck() {
             Ending::Deadlock
         } else {
             Ending::Finished

@@ -15,7 +15,11 @@ pub const MAX_TICKS_PER_CALL: u32 = 12_000;
 /// Problems of a scenario as a JSON list; `[]` when it can be simulated.
 #[wasm_bindgen]
 pub fn check(scenario_json: &str) -> String {
-    text(&Scenario::from_json(scenario_json).err().unwrap_or_default())
+    let scenario = match Scenario::from_json(scenario_json) {
+        Ok(scenario) => scenario,
+        Err(problems) => return text(&problems),
+    };
+    text(&controllers::experiment::check(&scenario))
 }
 
 /// Version of the twin; digests are comparable between equal versions.
@@ -24,10 +28,18 @@ pub fn twin_version() -> String {
     twin::VERSION.to_owned()
 }
 
-/// Digests of all gallery scenarios and effects as a JSON object `{name: digest}`, for the comparison with the native twin.
+/// Digests of all gallery scenarios, effects and own controllers as a JSON object `{name: digest}`, for the comparison with the native twin.
 #[wasm_bindgen]
 pub fn gallery_digests() -> String {
-    text(&control::gallery::digests())
+    let mut all = control::gallery::digests();
+    all.extend(controllers::gallery::digests());
+    text(&all)
+}
+
+/// Scripts to start from (name, title, text) as a JSON list.
+#[wasm_bindgen]
+pub fn controller_gallery() -> String {
+    text(&controllers::gallery::SCRIPTS)
 }
 
 /// The benchmark's workload (`docs/speed.md`), timed from outside.
@@ -108,7 +120,7 @@ impl Simulation {
     pub fn new(scenario_json: &str) -> Result<Simulation, String> {
         let problems = |problems: Vec<FieldProblem>| text(&problems);
         let scenario = Scenario::from_json(scenario_json).map_err(problems)?;
-        let rehearsal = Rehearsal::new(&scenario).map_err(problems)?;
+        let rehearsal = controllers::experiment::rehearsal(&scenario).map_err(problems)?;
         Ok(Simulation {
             state: State::Running(Box::new(rehearsal)),
         })
@@ -179,6 +191,14 @@ impl Simulation {
             State::Running(rehearsal) => rehearsal.digest(),
             State::Finished { outcome, .. } => outcome.verdict.digest.clone(),
             State::Moving => String::new(),
+        }
+    }
+
+    /// What the user's own controller said and drew in the last tick, as a JSON list.
+    pub fn notes(&self) -> String {
+        match &self.state {
+            State::Running(rehearsal) => text(rehearsal.notes()),
+            State::Finished { .. } | State::Moving => "[]".to_owned(),
         }
     }
 
@@ -274,7 +294,10 @@ mod tests {
     fn digests_are_those_of_the_native_gallery() {
         let digests: std::collections::BTreeMap<String, String> =
             serde_json::from_str(&gallery_digests()).expect("object");
-        assert!(digests.len() >= 200);
+        assert!(digests.len() >= 210);
+        for (name, digest) in controllers::gallery::digests() {
+            assert_eq!(digests[&name], digest, "{name}");
+        }
         assert_eq!(digests["head-on"], control::gallery::digest_of("head-on"));
     }
 }

@@ -1,5 +1,6 @@
 //! Benchmarks. What they mean is in `docs/speed.md`.
 
+mod controllers;
 mod identify;
 mod interaction;
 mod lab;
@@ -25,6 +26,8 @@ enum Subject {
     Lab(lab::LabArguments),
     /// CPU seconds of a diagnosis of ten minutes of logs on one core, by stage
     Identify(identify::IdentifyArguments),
+    /// Time of a tick of own controllers, scripts and modules, with 1, 10 and 50 robots and at their limits
+    Controllers,
     /// A whole control tick with ten robots that their models correct
     Interaction,
 }
@@ -35,6 +38,7 @@ pub fn bench(arguments: &BenchArguments) -> Result<End> {
         Some(Subject::Twin(arguments)) => twin::bench(arguments),
         Some(Subject::Lab(arguments)) => lab::bench(arguments),
         Some(Subject::Identify(arguments)) => identify::bench(arguments),
+        Some(Subject::Controllers) => controllers::bench(),
         Some(Subject::Interaction) => interaction::bench(),
         None => {
             let end = twin::bench(&twin::TwinArguments::default())?;
@@ -49,7 +53,11 @@ pub fn bench(arguments: &BenchArguments) -> Result<End> {
             if end != End::Good {
                 return Ok(end);
             }
-            interaction::bench()
+            let end = interaction::bench()?;
+            if end != End::Good {
+                return Ok(end);
+            }
+            controllers::bench()
         }
     }
 }

@@ -23,7 +23,7 @@ pub struct Arguments {
 
 pub async fn run(arguments: Arguments, settings: &Settings, output: &Output) -> anyhow::Result<()> {
     let laboratory = validate::laboratory_from_service(settings, &arguments.experiment).await?;
-    let rehearsed = validate::rehearse(&arguments.experiment, &laboratory)?;
+    let rehearsed = validate::rehearse(&arguments.experiment, &laboratory, None)?;
     if !rehearsed.verdict.accepted {
         let text = validate::verdict_text(&rehearsed.verdict);
         return Err(Unsuccessful(format!("not sent, the twin rejects it: {text}")).into());

@@ -10,6 +10,10 @@ use api::lab::LabDescription;
 use api::model::ModelView;
 use api::robot::LabRobot;
 use api::verdict::{Replay, Verdict};
+use control::rehearsal::{Outcome, Rehearsal};
+use control::scenario::{FieldProblem, Scenario};
+use sandbox::pipe::PipeProgram;
+use sandbox::start::REHEARSAL_PATIENCE;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -20,6 +24,10 @@ pub struct Arguments {
     /// Laboratory description; asked of the service when absent
     #[arg(long)]
     lab: Option<PathBuf>,
+    /// Program that takes the place of the experiment's law: it is asked over its standard input and output
+    /// (docs/controllers.md), and started by the shell
+    #[arg(long)]
+    controller: Option<String>,
     /// Write the twin's replay here
     #[arg(long)]
     replay: Option<PathBuf>,
@@ -37,7 +45,7 @@ pub async fn run(arguments: Arguments, settings: &Settings, output: &Output) -> 
         Some(path) => laboratory_from_file(path)?,
         None => laboratory_from_service(settings, &arguments.experiment).await?,
     };
-    let rehearsed = rehearse(&arguments.experiment, &laboratory)?;
+    let rehearsed = rehearse(&arguments.experiment, &laboratory, arguments.controller.as_deref())?;
     if let Some(path) = &arguments.replay {
         std::fs::write(path, serde_json::to_vec(&rehearsed.replay)?)
             .with_context(|| format!("cannot write {}", path.display()))?;
@@ -58,7 +66,7 @@ pub struct Laboratory {
 }
 
 /// Runs an experiment document in the twin, as the service will.
-pub fn rehearse(path: &Path, laboratory: &Laboratory) -> anyhow::Result<Rehearsed> {
+pub fn rehearse(path: &Path, laboratory: &Laboratory, controller: Option<&str>) -> anyhow::Result<Rehearsed> {
     let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
     let experiment: Experiment = serde_json::from_str(&text).with_context(|| format!("{}", path.display()))?;
     let scenario = serde_json::json!({
@@ -67,7 +75,7 @@ pub fn rehearse(path: &Path, laboratory: &Laboratory) -> anyhow::Result<Rehearse
         "arena": laboratory.arena,
         "models": models_of(&experiment, &laboratory.models),
     });
-    let outcome = match control::rehearsal::rehearse_json(&scenario.to_string()) {
+    let outcome = match rehearsed(&scenario.to_string(), controller) {
         Ok(outcome) => outcome,
         Err(problems) => {
             let lines: Vec<_> = problems
@@ -84,6 +92,30 @@ pub fn rehearse(path: &Path, laboratory: &Laboratory) -> anyhow::Result<Rehearse
         verdict,
         replay,
     })
+}
+
+/// The twin by the experiment's law, or by a program behind a pipe. What an experiment brings along runs in this process: it is
+/// the user's own.
+fn rehearsed(scenario_json: &str, controller: Option<&str>) -> Result<Outcome, Vec<FieldProblem>> {
+    let Some(controller) = controller else {
+        return controllers::experiment::rehearse_json(scenario_json);
+    };
+    let scenario = Scenario::from_json(scenario_json)?;
+    let setup = controllers::experiment::setup(&scenario)?;
+    let mut command = std::process::Command::new("sh");
+    command.args(["-c", controller]);
+    let program = PipeProgram::start(command, None, &setup, REHEARSAL_PATIENCE).map_err(|fault| {
+        vec![FieldProblem {
+            field: "--controller".into(),
+            message: fault.to_string(),
+            limit: "a program that answers line for line".into(),
+            remedy: "look at what it writes to its standard error".into(),
+        }]
+    })?;
+    let team = controllers::experiment::team_of(&scenario, Box::new(program))?;
+    let mut rehearsal = Rehearsal::with_team(&scenario, team)?;
+    while rehearsal.step() {}
+    Ok(rehearsal.finish())
 }
 
 /// The experiment's robots in its order; names the laboratory does not know are left for the checks to report.

@@ -9,6 +9,7 @@ mod consensus;
 mod corner;
 mod coverage;
 mod driver;
+mod fault;
 mod formation;
 mod go_to_point;
 mod go_to_pose;
@@ -17,6 +18,8 @@ mod graph;
 mod leader_follower;
 mod manoeuvre;
 mod motion;
+mod note;
+pub mod own;
 mod parameters;
 mod path_following;
 mod piece;
@@ -32,7 +35,10 @@ use twin::pose::Pose;
 use twin::robot::Robot;
 use twin::twist::BodyTwist;
 
+pub use driver::{Driver, Request};
+pub use fault::{Fault, FaultKind, Standing};
 pub use motion::Drive;
+pub use note::Note;
 pub use parameters::{LAWS, LawSpec, ParameterSpec, Parameters, law_spec};
 pub use piece::{Piece, Place};
 pub use push::Push;
@@ -63,6 +69,8 @@ pub const FORMATION: &str = "formation";
 pub const COVERAGE: &str = "coverage";
 /// Name of the law that shares goals out.
 pub const GOAL_ASSIGNMENT: &str = "goal_assignment";
+/// Name of the law that a user wrote: [`own`].
+pub const OWN: &str = "own";
 /// Constant body twists; used by the scenario gallery only and refused in experiments.
 pub const PUSH: &str = "push";
 
@@ -128,6 +136,14 @@ pub trait Law: std::fmt::Debug + Send {
     fn name(&self) -> &'static str;
     /// Writes one demand per robot; `demands` has as many entries as `observation.robots` and is zero on entry.
     fn step(&mut self, observation: &Observation<'_>, demands: &mut [Demand]);
+    /// How it stands after the step; laws that ship always answer.
+    fn standing(&self) -> Standing<'_> {
+        Standing::Answered
+    }
+    /// What it said and drew on the last step.
+    fn notes(&self) -> &[Note] {
+        &[]
+    }
 }
 
 /// The law that a checked scenario names.

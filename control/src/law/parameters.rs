@@ -3,9 +3,10 @@
 use serde::Serialize;
 
 use super::targets::{Owner, TargetRule, YawUse};
-use super::{GO_TO_POINT, WAYPOINTS};
+use super::{GO_TO_POINT, OWN, WAYPOINTS};
 use super::{
-    consensus, coverage, formation, go_to_pose, goal_assignment, leader_follower, path_following, trajectory_tracking,
+    consensus, coverage, formation, go_to_pose, goal_assignment, leader_follower, own, path_following,
+    trajectory_tracking,
 };
 use crate::scenario::Control;
 
@@ -125,7 +126,7 @@ pub(super) const GRAPH: ParameterSpec = ParameterSpec::choice(
     "Which robots know of each other, in the order of the experiment.",
 );
 
-/// Every law that an experiment can name.
+/// Every law that an experiment can name, besides the user's own.
 pub const LAWS: &[LawSpec] = &[
     LawSpec {
         name: WAYPOINTS,
@@ -212,7 +213,8 @@ pub const LAWS: &[LawSpec] = &[
 
 /// The table of a law.
 pub fn law_spec(law: &str) -> Option<&'static LawSpec> {
-    LAWS.iter().find(|spec| spec.name == law)
+    let all = LAWS.iter().chain(std::iter::once(&own::SPEC));
+    all.into_iter().find(|spec| spec.name == law)
 }
 
 /// Values of a law's parameters, defaults filled in.
@@ -253,8 +255,11 @@ impl Parameters {
 
 /// Checks law and parameters; `report(field, message, limit, remedy)` for each problem.
 pub(crate) fn check(control: &Control, report: &mut dyn FnMut(String, String, String, String)) {
+    if control.law == OWN {
+        return own::check(control, report);
+    }
     let Some(spec) = law_spec(&control.law) else {
-        let names: Vec<&str> = LAWS.iter().map(|spec| spec.name).collect();
+        let names: Vec<&str> = LAWS.iter().map(|spec| spec.name).chain([OWN]).collect();
         let message = format!("the control law {:?} is not known", control.law);
         report(
             "control.law".into(),

@@ -8,7 +8,7 @@ use crate::objects::{self, NewObject};
 use anyhow::Context;
 use api::run::{Fault, Whose};
 use api::verdict::{Replay, Verdict};
-use control::rehearsal::{Outcome, Rehearsal};
+use control::rehearsal::Outcome;
 use control::scenario::{FieldProblem, Scenario};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -108,10 +108,11 @@ fn scenario_json(input: &RehearsalInput, job: &JobLease) -> Result<String, Box<E
 /// The twin at work, as far as somebody wants to know.
 fn rehearse(scenario_json: &str, abandon: &AtomicBool) -> Rehearsed {
     let begun = Instant::now();
-    let mut rehearsal = match Scenario::from_json(scenario_json).and_then(|scenario| Rehearsal::new(&scenario)) {
-        Ok(rehearsal) => rehearsal,
-        Err(problems) => return Rehearsed::Problems(problems),
-    };
+    let mut rehearsal =
+        match Scenario::from_json(scenario_json).and_then(|scenario| sandbox::start::rehearsal(&scenario)) {
+            Ok(rehearsal) => rehearsal,
+            Err(problems) => return Rehearsed::Problems(problems),
+        };
     loop {
         for _ in 0..TICKS_PER_LOOK {
             if !rehearsal.step() {

@@ -138,9 +138,14 @@ impl Programs {
         } else {
             &[]
         };
-        let names = ["robopheus-server", "robopheus-scheduler", "robopheus-diagnose-worker"]
-            .iter()
-            .chain(lab);
+        let names = [
+            "robopheus-server",
+            "robopheus-scheduler",
+            "robopheus-diagnose-worker",
+            "robopheus-controller",
+        ]
+        .iter()
+        .chain(lab);
         let absent: Vec<&str> = names
             .copied()
             .filter(|name| !paths::is_executable(&self.folder.join(name)))

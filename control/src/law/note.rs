@@ -1,0 +1,26 @@
+//! What a controller says besides its commands: log lines and drawings on the arena.
+
+use serde::{Deserialize, Serialize};
+
+/// One log line or drawing of one tick. Places in the world frame, m; colours 0 to 7 from the page's palette.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+pub enum Note {
+    Log {
+        text: String,
+    },
+    Point {
+        at_m: [f64; 2],
+        colour: u8,
+    },
+    Line {
+        from_m: [f64; 2],
+        to_m: [f64; 2],
+        colour: u8,
+    },
+    Text {
+        at_m: [f64; 2],
+        text: String,
+        colour: u8,
+    },
+}

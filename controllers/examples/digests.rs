@@ -1,0 +1,9 @@
+//! Prints the digests of every gallery scenario, effect, residual and own controller as JSON, for the comparison of builds:
+//! `cargo run -p controllers --example digests`.
+
+fn main() -> Result<(), serde_json::Error> {
+    let mut all = control::gallery::digests();
+    all.extend(controllers::gallery::digests());
+    println!("{}", serde_json::to_string_pretty(&all)?);
+    Ok(())
+}

@@ -1,0 +1,134 @@
+//! The gallery's programs do what they say, and do it the same way each time.
+
+use control::law::Note;
+use control::scenario::Scenario;
+use controllers::experiment::{rehearsal, rehearse_json};
+use controllers::gallery::{MODULE, SCRIPTS, digests, scenario_json};
+use controllers::source::Source;
+
+fn script(name: &str) -> Source {
+    let found = SCRIPTS.iter().find(|example| example.name == name);
+    Source::Script(found.expect("an example").script.into())
+}
+
+#[test]
+fn the_module_is_the_assembled_text() {
+    let assembled = wat::parse_str(include_str!("../gallery/go_to_point.wat")).expect("assembles");
+    if std::env::var_os("ROBOPHEUS_WRITE_GALLERY").is_some() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/gallery/go_to_point.wasm");
+        std::fs::write(path, &assembled).expect("written");
+    }
+    assert_eq!(assembled, MODULE);
+}
+
+#[test]
+fn every_program_is_accepted() {
+    let sources = SCRIPTS.iter().map(|example| (example.name, script(example.name)));
+    for (name, source) in sources.chain([("module", Source::module(MODULE))]) {
+        let outcome =
+            rehearse_json(&scenario_json(&source, 20.0)).unwrap_or_else(|problems| panic!("{name}: {problems:#?}"));
+        println!("{name}: {}", outcome.verdict.sentence);
+        assert!(outcome.verdict.accepted, "{name}: {}", outcome.verdict.sentence);
+    }
+}
+
+#[test]
+fn script_and_module_of_one_law_bring_everybody_to_the_same_places() {
+    for source in [script("go_to_point"), Source::module(MODULE)] {
+        let outcome = rehearse_json(&scenario_json(&source, 40.0)).expect("a rehearsal");
+        assert!(outcome.verdict.findings.is_empty(), "{:#?}", outcome.verdict);
+        for (robot, [x_m, y_m]) in outcome
+            .replay
+            .robots
+            .iter()
+            .zip([[0.6, 0.9], [-1.2, -0.7], [1.3, -0.6]])
+        {
+            let [x, y, _] = *robot.poses.last().expect("a pose");
+            assert!((x - x_m).hypot(y - y_m) < 0.08, "{}: {x} {y}", robot.name);
+        }
+    }
+}
+
+#[test]
+fn equal_programs_give_equal_digests() {
+    let first = digests();
+    assert!(
+        first.len() >= 10 && first.values().all(|digest| digest.len() >= 32),
+        "{first:#?}"
+    );
+    assert_eq!(first, digests());
+    // The same law in two languages, and nothing else, drives the same way.
+    assert_eq!(first["script go_to_point"], first["module go_to_point"]);
+    let mut values: Vec<&String> = first.values().collect();
+    values.sort();
+    values.dedup();
+    assert_eq!(values.len() + 1, first.len(), "{first:#?}");
+}
+
+#[test]
+fn drawings_come_out_beside_the_motion() {
+    let scenario = Scenario::from_json(&scenario_json(&script("go_to_point"), 2.0)).expect("a scenario");
+    let mut rehearsal = rehearsal(&scenario).expect("a rehearsal");
+    rehearsal.step();
+    let lines = rehearsal
+        .notes()
+        .iter()
+        .filter(|note| matches!(note, Note::Line { .. }))
+        .count();
+    assert_eq!(lines, 3);
+}
+
+#[test]
+fn limits_stop_growing_scripts_at_the_same_tick() {
+    let told = digests();
+    for (name, reason) in [
+        ("operations", "operations in one tick"),
+        ("depth", "functions that call each other"),
+        ("array", "too large"),
+    ] {
+        let sentence = &told[&format!("bound {name}")];
+        assert!(
+            sentence.contains(reason) && sentence.contains("tick"),
+            "{name}: {sentence}"
+        );
+    }
+}
+
+/// The target's library stands where rustup puts it; other set-ups build their bundles otherwise.
+fn builds_modules() -> bool {
+    let told = std::process::Command::new("rustc")
+        .args(["--print", "sysroot"])
+        .output();
+    let sysroot = told.map(|told| String::from_utf8_lossy(&told.stdout).trim().to_owned());
+    sysroot.is_ok_and(|root| {
+        std::path::Path::new(&root)
+            .join("lib/rustlib/wasm32-unknown-unknown/lib")
+            .is_dir()
+    })
+}
+
+#[test]
+fn the_module_in_rust_builds_as_it_says_and_drives_as_the_one_in_text() {
+    if !builds_modules() {
+        println!("rustc has no wasm32-unknown-unknown here: the example in Rust is not built");
+        return;
+    }
+    let source = concat!(env!("CARGO_MANIFEST_DIR"), "/gallery/go_to_point.rs");
+    let command = std::fs::read_to_string(source).expect("the example");
+    let line = command
+        .lines()
+        .find_map(|line| line.strip_prefix("//! Build: `rustc "))
+        .expect("its command");
+    let out = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("go_to_point.wasm");
+    let mut rustc = std::process::Command::new("rustc");
+    let words = line
+        .trim_end_matches('`')
+        .split(' ')
+        .filter(|word| !word.ends_with(".rs"));
+    rustc.args(words).arg(source).arg("-o").arg(&out);
+    assert!(rustc.status().expect("rustc").success());
+    let built = Source::module(&std::fs::read(out).expect("a module"));
+    let [built, assembled] =
+        [built, Source::module(MODULE)].map(|source| rehearse_json(&scenario_json(&source, 8.0)).expect("a rehearsal"));
+    assert_eq!(built, assembled);
+}
