@@ -121,6 +121,7 @@ fn a_known_force_is_learned_within_a_minute_and_the_version_predicts_an_unseen_d
     let closing = learner.close();
     assert!(closing.is_better, "{closing:?} {:?}", learner.counts());
     assert!(closing.learnt_rms_m < 0.4 * closing.parent_rms_m, "{closing:?}");
+    println!("{closing:?}");
     // Tenth of a second by tenth of a second.
     assert!((560..=600).contains(&predictions.len()), "{}", predictions.len());
     let version = learner.version(serde_json::json!({"run": "r"})).expect("a version");

@@ -38,7 +38,10 @@ const EDGES: &[(&str, &[&str])] = &[
     ),
     ("emulator", &["api", "robot"]),
     ("identify", &["twin"]),
-    ("lab", &["api", "control", "learn", "localise", "robot", "sandbox", "twin"]),
+    (
+        "lab",
+        &["api", "control", "learn", "localise", "robot", "sandbox", "twin"],
+    ),
     ("learn", &["bundles", "identify", "twin"]),
     ("localise", &[]),
     ("robot", &[]),

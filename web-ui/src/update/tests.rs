@@ -428,21 +428,6 @@ fn the_live_connection_follows_the_run_on_the_floor() {
     );
     let cards = pages::live::data::robots(&state, state.queue.active().expect("runs"));
     assert_eq!(cards[0].lines[0].1, "4 ms old");
-    assert!(
-        cards[0].lines.iter().all(|line| line.0 != "0.5 s ahead"),
-        "nobody learns"
-    );
-    let learning = r#"{"learning":[{"name":"omni-01","parent_m":0.0412,"learnt_m":0.0091}],"#;
-    event(
-        &mut state,
-        Event::LiveFrame {
-            run,
-            text: live_frame(run, 3, 18).replacen('{', learning, 1),
-        },
-    );
-    let cards = pages::live::data::robots(&state, state.queue.active().expect("runs"));
-    let told = cards[0].lines.iter().find(|line| line.0 == "0.5 s ahead");
-    assert_eq!(told.map(|line| line.1.as_str()), Some("twin 41 mm, learnt 9 mm"));
 
     event(
         &mut state,

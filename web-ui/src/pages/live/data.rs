@@ -221,3 +221,35 @@ pub fn connection(state: &State) -> (String, Tone) {
         (true, false) => ("Live".to_owned(), Tone::Good),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn how_well_a_robot_is_predicted_is_told_where_somebody_learns() {
+        let robot = LiveRobot {
+            name: "omni-01".to_owned(),
+            x_m: 0.5,
+            y_m: 0.25,
+            yaw_rad: 0.0,
+            target_x_m: 0.0,
+            target_y_m: 0.0,
+            pose_age_ms: 8.0,
+            link_age_ms: 4.0,
+            bus_v: 24.1,
+            safety: None,
+        };
+        let learning = LiveLearning {
+            name: "omni-01".to_owned(),
+            parent_m: 0.0412,
+            learnt_m: 0.0091,
+        };
+        assert!(lines(&robot, None, None).iter().all(|line| line.0 != "0.5 s ahead"));
+        let told = lines(&robot, None, Some(&learning));
+        assert_eq!(
+            told.last(),
+            Some(&("0.5 s ahead", "twin 41 mm, learnt 9 mm".to_owned(), Tone::Good))
+        );
+    }
+}
