@@ -1,7 +1,6 @@
 //! What a program may use. Counted, so that the limits are part of the result: equal natively and in the browser.
 
-/// Operations of a script in one tick. Set from `cargo xtask bench controllers`: a simple loop that uses all stays below the 2 ms
-/// of a tick's budget.
+/// Operations of a script in one tick. `cargo xtask bench controllers` says how long loops take that use all of them.
 pub const SCRIPT_OPERATIONS: u64 = 20_000;
 /// Operations of a script's `start`.
 pub const SCRIPT_START_OPERATIONS: u64 = 200_000;

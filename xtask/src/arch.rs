@@ -63,10 +63,12 @@ const EDGES: &[(&str, &[&str])] = &[
 /// Further packages that only the tests of a package may use.
 const TEST_EDGES: &[(&str, &[&str])] = &[
     ("control", &["api"]),
+    ("controllers", &["api"]),
     // The emulated plant against the nominal twin.
     ("identify", &["api", "emulator", "robot"]),
     // Hidden plants.
     ("learn", &["blind", "emulator"]),
+    ("sandbox", &["twin"]),
     ("system-tests", &["control", "robot"]),
     // The twin's motor control against the firmware's, bit for bit.
     ("twin", &["robot"]),

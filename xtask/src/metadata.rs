@@ -21,6 +21,22 @@ struct PackageRow {
     name: String,
     manifest_path: PathBuf,
     dependencies: Vec<DependencyRow>,
+    #[serde(default)]
+    targets: Vec<TargetRow>,
+}
+
+#[derive(Deserialize)]
+struct TargetRow {
+    kind: Vec<String>,
+}
+
+impl PackageRow {
+    /// It runs in the compiler: nothing of it is linked.
+    fn is_macro(&self) -> bool {
+        self.targets
+            .iter()
+            .any(|target| target.kind.iter().any(|kind| kind == "proc-macro"))
+    }
 }
 
 #[derive(Deserialize)]
@@ -84,12 +100,19 @@ fn parse(text: &str) -> Result<BTreeMap<String, Member>> {
         .iter()
         .map(|row| (row.id.as_str(), row.name.as_str()))
         .collect();
+    let macros: BTreeSet<&str> = document
+        .packages
+        .iter()
+        .filter(|row| row.is_macro())
+        .map(|row| row.id.as_str())
+        .collect();
     let mut edges: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
     for node in document.resolve.iter().flat_map(|resolve| &resolve.nodes) {
         let linked = node
             .deps
             .iter()
-            .filter(|dependency| dependency.dep_kinds.iter().any(|kind| kind.kind.is_none()));
+            .filter(|dependency| dependency.dep_kinds.iter().any(|kind| kind.kind.is_none()))
+            .filter(|dependency| !macros.contains(dependency.pkg.as_str()));
         edges.insert(&node.id, linked.map(|dependency| dependency.pkg.as_str()).collect());
     }
     let rows = document
@@ -147,16 +170,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn linked_packages_follow_normal_edges_only() {
+    fn linked_packages_follow_normal_edges_and_no_macros() {
         let text = r#"{"packages":[
             {"id":"a","name":"alpha","manifest_path":"/w/alpha/Cargo.toml","dependencies":[{"name":"beta","kind":null},{"name":"checker","kind":"dev"}]},
             {"id":"b","name":"beta","manifest_path":"/r/beta/Cargo.toml","dependencies":[]},
             {"id":"c","name":"checker","manifest_path":"/r/checker/Cargo.toml","dependencies":[]},
-            {"id":"d","name":"deep","manifest_path":"/r/deep/Cargo.toml","dependencies":[]}],
+            {"id":"d","name":"deep","manifest_path":"/r/deep/Cargo.toml","dependencies":[]},
+            {"id":"m","name":"derive","manifest_path":"/r/derive/Cargo.toml","dependencies":[],"targets":[{"kind":["proc-macro"]}]},
+            {"id":"r","name":"random","manifest_path":"/r/random/Cargo.toml","dependencies":[],"targets":[{"kind":["lib"]}]}],
           "workspace_members":["a"],
           "resolve":{"nodes":[
             {"id":"a","deps":[{"pkg":"b","dep_kinds":[{"kind":null}]},{"pkg":"c","dep_kinds":[{"kind":"dev"}]}]},
-            {"id":"b","deps":[{"pkg":"d","dep_kinds":[{"kind":null}]}]},{"id":"c","deps":[]},{"id":"d","deps":[]}]}}"#;
+            {"id":"b","deps":[{"pkg":"d","dep_kinds":[{"kind":null}]},{"pkg":"m","dep_kinds":[{"kind":null}]}]},
+            {"id":"m","deps":[{"pkg":"r","dep_kinds":[{"kind":null}]}]},
+            {"id":"c","deps":[]},{"id":"d","deps":[]},{"id":"r","deps":[]}]}}"#;
         let members = parse(text).unwrap();
         let alpha = &members["alpha"];
         assert_eq!(alpha.linked, ["beta", "deep"].map(String::from).into());

@@ -106,8 +106,18 @@ fn lock(answer: &Mutex<Answer>) -> std::sync::MutexGuard<'_, Answer> {
     answer.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
+/// Seed of the engine's hash tables. Its own is drawn when it is compiled, another one in every build.
+const HASHES: [u64; 4] = [0x0052_6f62, 0x6f70, 0x6865, 0x7573];
+
+/// An engine that knows nothing, with the same hash tables in every build.
+fn empty_engine() -> Engine {
+    // Refused when it is set already: to the same.
+    let _already_set = rhai::config::hashing::set_hashing_seed(Some(HASHES));
+    Engine::new_raw()
+}
+
 fn engine(setup: &Arc<Setup>, spoken: &Arc<Mutex<Answer>>) -> Engine {
-    let mut engine = Engine::new_raw();
+    let mut engine = empty_engine();
     // The packages that neither wait, nor load, nor call the machine's own mathematics; the language's core comes as words.
     engine.register_global_module(ArithmeticPackage::new().as_shared_module());
     engine.register_global_module(BasicStringPackage::new().as_shared_module());
@@ -141,7 +151,7 @@ fn engine(setup: &Arc<Setup>, spoken: &Arc<Mutex<Answer>>) -> Engine {
 
 /// Where the first statement outside all functions stands: an engine that knows nothing is stopped by it at once.
 fn statement_outside(ast: &AST) -> Option<Position> {
-    let mut engine = Engine::new_raw();
+    let mut engine = empty_engine();
     engine.on_progress(|_| Some(Dynamic::UNIT));
     let done = engine.run_ast(&ast.clone_statements_only());
     done.err().map(|error| error.position())

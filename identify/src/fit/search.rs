@@ -1,0 +1,158 @@
+//! Simulations of a fit, and searches along its axes.
+
+use super::slopes::scale;
+use super::{LEAST_GAIN, Member, Problem, clamped, with_members};
+use crate::hypothesis::Axis;
+use crate::record::{Record, Stages, residuals};
+
+/// Most steps of a pattern search along an axis.
+const MOST_MOVES: usize = 4;
+/// Its steps as parts of a practical size: for laws with corners, and for others, whose slopes may lie where a robot just slips or just
+/// does not.
+const FINER: [f64; 5] = [1.0, 0.5, 0.25, 0.12, 0.06];
+pub(super) const NEAR: [f64; 1] = [0.25];
+/// The same in control ticks for what shifts time.
+pub(super) const TICKS: [f64; 2] = [1.0, 0.5];
+pub(super) const TICK_S: f64 = 1.0 / twin::CONTROL_RATE_HZ as f64;
+/// Share of the time that runs must have been beside a patch.
+const BESIDE: f64 = 0.03;
+
+/// Steps of a pattern search.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Steps {
+    /// Along all axes, a part of a practical size.
+    Sizes(f64),
+    /// Along the axes that shift time, s.
+    Seconds(f64),
+}
+
+/// Steps of the pattern searches of a fit.
+///
+/// - `ticks`: steps for members that shift time. Set-points act at control ticks, so that the energy is wavy over a shift, with the period of a tick: slopes
+///   lead to the bottom of a wave.
+pub(super) fn steps_of_search(rough: bool, limited: bool, ticks: &[f64], searches: usize) -> Vec<Steps> {
+    let sizes: &[f64] = match (rough, limited, searches) {
+        (true, _, 0) => &FINER,
+        (false, true, 0) => &FINER[..3],
+        (false, false, 0) => &NEAR,
+        _ => &[],
+    };
+    let ticks = if searches == 0 { ticks } else { &[] };
+    let seconds = ticks.iter().map(|ticks| Steps::Seconds(ticks * TICK_S));
+    seconds.chain(sizes.iter().map(|size| Steps::Sizes(*size))).collect()
+}
+
+/// Shifts time.
+pub(super) fn is_shift(axis: &Axis) -> bool {
+    axis.unit == "s" && ["offset", "delay", "latency"].contains(&axis.name)
+}
+
+pub(super) struct Search<'a> {
+    pub(super) problem: &'a Problem<'a>,
+    pub(super) stages: Stages,
+    pub(super) simulations: usize,
+}
+
+impl<'a> Search<'a> {
+    pub(super) fn new(problem: &'a Problem<'a>, members: &[Member]) -> Search<'a> {
+        let nothing = Stages {
+            drive: false,
+            rolling: false,
+        };
+        let stages = members.iter().fold(nothing, |all, member| Stages {
+            drive: all.drive || member.candidate.stages.drive,
+            rolling: all.rolling || member.candidate.stages.rolling,
+        });
+        Search {
+            problem,
+            stages,
+            simulations: 0,
+        }
+    }
+
+    pub(super) fn simulate(&mut self, members: &[Member]) -> Option<Vec<Vec<f64>>> {
+        let model = with_members(self.problem.base, members);
+        model.robot()?;
+        self.simulations += 1;
+        let pairs = self.problem.records.iter().zip(self.problem.residuals);
+        pairs
+            .map(|(record, base)| residuals(record, &model, self.stages, Some(base)))
+            .collect()
+    }
+
+    /// A patch that all wheels were on, but for a rest of the time.
+    pub(super) fn is_the_whole_floor(&self, members: &[Member]) -> bool {
+        let wheels = &self.problem.base.description.wheels;
+        let reach_m = wheels
+            .iter()
+            .map(|wheel| libm::hypot(wheel.x_m, wheel.y_m))
+            .fold(0.0, f64::max);
+        let is_inside = |member: &Member| {
+            let [x_m, y_m, radius_m, ..] = &member.values[..] else {
+                return false;
+            };
+            let (mut all, mut beside) = (0, 0);
+            for [x, y] in self.problem.records.iter().flat_map(Record::positions_m) {
+                all += 1;
+                beside += i32::from(libm::hypot(x - x_m, y - y_m) + reach_m > *radius_m);
+            }
+            all > 0 && f64::from(beside) <= BESIDE * f64::from(all)
+        };
+        let mut patches = members
+            .iter()
+            .filter(|member| member.candidate.entry.name == "low_friction_patch");
+        patches.any(is_inside)
+    }
+
+    pub(super) fn energy(&self, residuals: &[Vec<f64>]) -> f64 {
+        let vector = residuals.iter().map(Vec::as_slice).collect();
+        self.problem.metric.gram(&[vector]).at(0, 0)
+    }
+}
+
+/// One round of steps along the axes; true when one of them gained.
+pub(super) fn pattern(
+    search: &mut Search,
+    members: &mut Vec<Member>,
+    free: &[(usize, usize)],
+    now: &mut Vec<Vec<f64>>,
+    energy: &mut f64,
+    steps: Steps,
+) -> bool {
+    let before = *energy;
+    for (m, a) in free {
+        let axis = members[*m].candidate.axes[*a];
+        if matches!(steps, Steps::Seconds(_)) && !is_shift(&axis) {
+            continue;
+        }
+        let mut direction = 1.0;
+        let mut turned = false;
+        let mut moves = 0;
+        while moves < MOST_MOVES {
+            let mut trial = members.clone();
+            let value = trial[*m].values[*a];
+            let step = match steps {
+                Steps::Sizes(part) => part * scale(&axis, value),
+                Steps::Seconds(seconds) => seconds,
+            };
+            trial[*m].values[*a] = clamped(&axis, value + direction * step);
+            let better = search
+                .simulate(&trial)
+                .filter(|residuals| search.energy(residuals) < *energy);
+            match better {
+                Some(residuals) => {
+                    *energy = search.energy(&residuals);
+                    (*members, *now) = (trial, residuals);
+                    moves += 1;
+                    turned = true;
+                }
+                None if turned => break,
+                None => {
+                    direction = -direction;
+                    turned = true;
+                }
+            }
+        }
+    }
+    before - *energy > LEAST_GAIN
+}

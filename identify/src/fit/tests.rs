@@ -1,0 +1,71 @@
+use super::search::{NEAR, Steps, TICK_S};
+use super::*;
+
+fn outlook(iteration: usize, gain: f64, promised: f64) -> Outlook {
+    Outlook {
+        iteration,
+        gain,
+        promised,
+    }
+}
+
+#[test]
+fn a_fit_ends_where_its_slopes_promise_nothing() {
+    assert!(outlook(1, 100.0, 0.9 * LEAST_GAIN).is_best());
+    assert!(outlook(1, 10_000.0, 0.9 * LEAST_SHARE * 10_000.0).is_best());
+    assert!(!outlook(1, 100.0, 1.0).is_best());
+}
+
+#[test]
+fn a_fit_ends_when_what_it_may_still_gain_is_not_enough_and_not_before() {
+    assert!(outlook(1, 10.0, 4.0).is_hopeless(30.0));
+    assert!(!outlook(1, 10.0, 6.0).is_hopeless(30.0), "{HOPE} times 6 may be enough");
+    assert!(!outlook(0, -50.0, 1.0).is_hopeless(30.0), "the start is no step");
+    assert!(
+        outlook(PATIENCE, -1.0, 1e6).is_hopeless(30.0),
+        "worse than nothing for long"
+    );
+    assert!(
+        !outlook(PATIENCE, -1.0, 1e6).is_hopeless(f64::NEG_INFINITY),
+        "nothing is wanted"
+    );
+}
+
+#[test]
+fn shifts_of_time_are_searched_in_ticks_once_before_anything_finer() {
+    let tick = Steps::Seconds(TICK_S);
+    assert_eq!(steps_of_search(false, false, &TICKS, 0)[0], tick);
+    assert_eq!(steps_of_search(false, false, &TICKS, 0).len(), TICKS.len() + NEAR.len());
+    assert_eq!(steps_of_search(false, false, &[], 0), [Steps::Sizes(NEAR[0])]);
+    assert!(steps_of_search(false, false, &TICKS, 1).is_empty());
+}
+
+#[test]
+fn corrected_slopes_tell_what_the_step_did_and_nothing_else_new() {
+    let mut slopes = vec![vec![vec![1.0, 2.0]], vec![vec![0.5, -1.0]]];
+    let (before, after) = (vec![vec![3.0, 4.0]], vec![vec![1.5, 4.5]]);
+    let step = [2.0, -1.0];
+    let across = [1.0, 2.0];
+    let told =
+        |slopes: &[Vec<Vec<f64>>], step: &[f64], row: usize| slopes[0][0][row] * step[0] + slopes[1][0][row] * step[1];
+    let old: Vec<f64> = (0..2).map(|row| told(&slopes, &across, row)).collect();
+    correct(&mut slopes, &before, &after, &step);
+    for row in 0..2 {
+        assert!((told(&slopes, &step, row) - (before[0][row] - after[0][row])).abs() < 1e-12);
+        assert!(
+            (told(&slopes, &across, row) - old[row]).abs() < 1e-12,
+            "nothing across the step"
+        );
+    }
+}
+
+#[test]
+fn slopes_tell_the_decrease_of_a_parabola() {
+    // energy (3 - x)^2 + 2 (1 - y)^2, at 0
+    let mut normal = Square::zero(2);
+    normal.set(0, 0, 1.0);
+    normal.set(1, 1, 2.0);
+    let right = [3.0, 2.0];
+    assert!((told(&normal, &right, &[3.0, 1.0]) - 11.0).abs() < 1e-12);
+    assert!((told(&normal, &right, &[1.0, 0.0]) - 5.0).abs() < 1e-12);
+}
