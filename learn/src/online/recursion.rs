@@ -128,8 +128,9 @@ mod tests {
                     continue;
                 }
                 let share = a[row][column] / a[column][column];
-                for place in column..n {
-                    a[row][place] -= share * a[column][place];
+                let pivot = a[column].clone();
+                for (value, above) in a[row].iter_mut().zip(&pivot).skip(column) {
+                    *value -= share * above;
                 }
                 b[row] -= share * b[column];
             }

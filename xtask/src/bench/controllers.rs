@@ -4,7 +4,7 @@ use anyhow::Result;
 
 use crate::{End, run};
 
-/// What `controllers/examples/bench.rs` prints.
+/// What `controllers/examples/tick_times.rs` prints.
 pub fn bench() -> Result<End> {
     run::succeed(&mut run::cargo([
         "run",
@@ -13,7 +13,7 @@ pub fn bench() -> Result<End> {
         "--package",
         "controllers",
         "--example",
-        "bench",
+        "tick_times",
     ]))?;
     Ok(End::Good)
 }

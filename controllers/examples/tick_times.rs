@@ -1,4 +1,4 @@
-//! Time of a tick of own controllers: `cargo run -p controllers --example bench`. Medians and 99th percentiles of many ticks.
+//! Time of a tick of own controllers: `cargo run -p controllers --example tick_times`. Medians and 99th percentiles of many ticks.
 
 use std::time::Instant;
 
