@@ -317,8 +317,8 @@ fn smoothed_set_points_follow_a_first_order_lag() {
     let at_once = told_and_got(0.0);
     assert!(at_once.iter().all(|(told, volts)| told.to_bits() == volts.to_bits()));
     assert_eq!(at_once.last().map(|(told, _)| *told), Some(6.0));
-    let lag_s: f64 = 0.05;
-    let share = 1.0 - (-1.0 / 480.0 / lag_s).exp();
+    let lag_s = 0.05;
+    let share = 1.0 - libm::exp(-1.0 / 480.0 / lag_s);
     let mut exact = 0.0;
     for (step, (told, volts)) in told_and_got(lag_s).into_iter().enumerate() {
         exact += share * (told - exact);
