@@ -7,7 +7,7 @@ use api::lab::Assignment;
 use fixture::START_US;
 use fixture::twin_run::{assignment, run};
 use lab::learning::{LearningRun, Lesson};
-use lab::record::{End, Learning, Record, Start};
+use lab::record::{End, Learning, Record};
 use serde_json::{Value, json};
 use twin::effect::Effect;
 use twin::model_document::ModelDocument;
@@ -62,10 +62,7 @@ fn records(mode: Mode, told: Option<&ModelDocument>) -> Vec<Record> {
         .collect();
     for record in &mut records {
         if let Record::Start(start) = record {
-            *start = Box::new(Start {
-                assignment: assignment.clone(),
-                ..(**start).clone()
-            });
+            start.assignment = assignment.clone();
         }
     }
     records.push(Record::End(Box::new(End {

@@ -111,7 +111,7 @@ fn learned(seconds: i64) -> (OnlineLearner, Vec<Prediction>) {
 }
 
 fn rms(predictions: &[Prediction], error: impl Fn(&Prediction) -> f64) -> f64 {
-    let squares: f64 = predictions.iter().map(|prediction| error(prediction).powi(2)).sum();
+    let squares: f64 = predictions.iter().map(error).map(|error| error * error).sum();
     (squares / predictions.len() as f64).sqrt()
 }
 
