@@ -137,7 +137,8 @@ async fn the_browser_computes_the_bits_of_the_native_twin() -> anyhow::Result<()
     let text = answer.as_str().unwrap_or_default();
     let wasm: BTreeMap<String, String> =
         serde_json::from_str(text).map_err(|error| anyhow::anyhow!("{error}: {text}"))?;
-    let native = control::gallery::digests();
+    let mut native = control::gallery::digests();
+    native.extend(controllers::gallery::digests());
     let scenarios = control::gallery::digest_scenarios().len();
     assert!(scenarios >= 20, "only {scenarios} scenarios with collisions");
     assert!(native.len() >= scenarios + 200, "only {} traces", native.len());

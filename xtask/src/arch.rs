@@ -69,7 +69,7 @@ const TEST_EDGES: &[(&str, &[&str])] = &[
     // Hidden plants.
     ("learn", &["blind", "emulator"]),
     ("sandbox", &["twin"]),
-    ("system-tests", &["control", "robot"]),
+    ("system-tests", &["control", "controllers", "robot"]),
     // The twin's motor control against the firmware's, bit for bit.
     ("twin", &["robot"]),
 ];
