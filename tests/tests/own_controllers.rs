@@ -74,7 +74,7 @@ async fn scripts_drive_robots_and_harm_nobody() -> anyhow::Result<()> {
         fault.message
     );
     let says = |words: &str| fault.message.contains(words);
-    ensure!(says("tick 121") && says("operations in one tick"), "{}", fault.message);
+    ensure!(says("tick 12") && says("operations in one tick"), "{}", fault.message);
 
     // The robot is free again at once.
     let drives = system.submit(&experiment(DRIVES), None).await?;
