@@ -15,6 +15,7 @@ pub mod experiment;
 pub mod gallery;
 pub mod law;
 pub mod limits;
+mod maths;
 mod module;
 pub mod program;
 pub mod ranges;

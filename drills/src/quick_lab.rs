@@ -1,6 +1,6 @@
 //! `robopheus-quick-lab`: a laboratory of emulated robots that needs no time. See `drills/src/quick/mod.rs`.
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use api::lab::{ClaimRequest, LabDescription, LabStatus, RobotStatus, Side};
 use clap::Parser;
 use drills::quick::run;
@@ -8,6 +8,7 @@ use drills::quick::shelf::Shelf;
 use emulator::hidden::Hidden;
 use emulator::keys::Keys;
 use lab::backoff::Backoff;
+use lab::begin::begin;
 use lab::desk::{Desk, DeskPlaces};
 use lab::ending::run_until_signal;
 use lab::hub::ADDRESS_FILE;
@@ -61,16 +62,7 @@ struct Settings {
 }
 
 fn main() -> Result<()> {
-    // First: reqwest is built without a TLS provider of its own and panics without this one.
-    if rustls::crypto::ring::default_provider().install_default().is_err() {
-        bail!("another TLS provider is installed");
-    }
-    let settings = Settings::parse();
-    let filter = tracing_subscriber::EnvFilter::try_from_default_env().unwrap_or_else(|_| "info".into());
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_writer(std::io::stderr)
-        .init();
+    let settings: Settings = begin()?;
     let text = std::fs::read(&settings.lab).with_context(|| format!("read {}", settings.lab.display()))?;
     let description: LabDescription =
         serde_json::from_slice(&text).with_context(|| format!("understand {}", settings.lab.display()))?;

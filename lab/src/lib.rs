@@ -6,6 +6,7 @@
 pub mod approach;
 pub mod archive;
 pub mod backoff;
+pub mod begin;
 pub mod camera;
 pub mod carry_out;
 pub mod claim;

@@ -1,28 +1,18 @@
 //! Program `robopheus-lab`.
 
 use anyhow::{Context, Result};
-use clap::Parser;
+use lab::begin::begin;
 use lab::config::Config;
 use lab::ending::run_until_signal;
 use lab::lab::Lab;
 use lab::{claim, idle, stop_port, stream};
 use std::time::Duration;
-use tracing_subscriber::EnvFilter;
 
 /// After a wish to end, the process ends within this time whatever is left to do.
 const EXIT_LIMIT: Duration = Duration::from_secs(12);
 
 fn main() -> Result<()> {
-    // First: reqwest is built without a TLS provider of its own and panics without this one.
-    if rustls::crypto::ring::default_provider().install_default().is_err() {
-        anyhow::bail!("another TLS provider is installed");
-    }
-    let config = Config::parse();
-    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_writer(std::io::stderr)
-        .init();
+    let config: Config = begin()?;
     let lab = Lab::open(&config)?;
     let address = stop_port::start(config.stop_listen, &config.data, lab.latch.clone(), lab.clone())
         .with_context(|| format!("open the stop port {}", config.stop_listen))?;

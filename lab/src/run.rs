@@ -36,7 +36,7 @@ impl Conclusion {
     #[must_use]
     pub fn because(mut self, reason: Option<String>) -> Self {
         if let (Some(fault), Some(reason)) = (&mut self.fault, reason) {
-            fault.message = format!("{} {reason}.", fault.message);
+            fault.message = format!("{}: {reason}.", fault.message.trim_end_matches('.'));
         }
         self
     }

@@ -3,9 +3,11 @@
 mod support;
 
 use support::{car, diff2, robot};
+use twin::effect::Effect;
 use twin::free::FreeRobot;
 use twin::pose::Pose;
 use twin::replay::{CommandRow, ReplayError, replay};
+use twin::robot::Robot;
 use twin::twist::BodyTwist;
 
 fn row(time_s: f64) -> CommandRow {
@@ -99,4 +101,52 @@ fn bad_rows_are_refused() {
         Some(ReplayError::Command { row: 0 })
     );
     assert!(matches!(got(&[row(0.0), row(1e9)]), Some(ReplayError::Duration { .. })));
+}
+
+#[test]
+fn fewer_readings_are_the_same_readings() {
+    let latency = Effect::new("localization_latency", &[("latency", 0.043)]);
+    let clock = Effect::new("clock_offset", &[("offset", -0.031), ("drift", 0.002)]);
+    let shutter = Effect::new("rolling_shutter", &[("readout", 0.017)]);
+    let cases = [
+        vec![],
+        vec![latency.clone()],
+        vec![clock.clone()],
+        vec![shutter.clone()],
+        vec![latency, clock, shutter],
+    ];
+    let start = Pose {
+        x_m: 0.4,
+        y_m: 0.7,
+        yaw_rad: 1.0,
+    };
+    // Two readings in a physics step, so that no step goes by unread; commands in the first second.
+    let dense: Vec<CommandRow> = (0..=2880)
+        .map(|k| match f64::from(k) / 960.0 {
+            time_s if k % 8 == 0 && k < 960 => wheel_row(time_s, 6.0 * libm::sin(3.0 * time_s), 5.0),
+            time_s => row(time_s),
+        })
+        .collect();
+    for effects in &cases {
+        let Ok(robot) = Robot::with_effects(diff2(), effects) else {
+            panic!("refused: {effects:?}")
+        };
+        let Ok(exact) = replay(&robot, start, &dense) else {
+            panic!("refused: {effects:?}")
+        };
+        for every in [8, 360, 1440] {
+            let kept = |k: &usize| k % 8 == 0 && *k < 960 || k % every == 0;
+            let places: Vec<usize> = (0..dense.len()).filter(kept).collect();
+            let rows: Vec<CommandRow> = places.iter().map(|&k| dense[k]).collect();
+            let Ok(sparse) = replay(&robot, start, &rows) else {
+                panic!("refused: {effects:?}")
+            };
+            for (place, got) in places.iter().zip(&sparse) {
+                assert_eq!(
+                    got.state, exact[*place].state,
+                    "{effects:?}, every {every}, reading {place}"
+                );
+            }
+        }
+    }
 }

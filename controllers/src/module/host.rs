@@ -1,5 +1,6 @@
 //! What a module may import: log, drawings, and functions of numbers from `libm`. Pointers and lengths are checked.
 
+use crate::maths::{BINARY, UNARY};
 use control::law::Note;
 use wasmi::{Caller, Error, Linker, TrapCode};
 
@@ -85,30 +86,13 @@ pub(super) fn define(linker: &mut Linker<Host>) -> Result<(), Error> {
 }
 
 fn numbers(linker: &mut Linker<Host>) -> Result<(), Error> {
-    type Unary = (&'static str, fn(f64) -> f64);
-    type Binary = (&'static str, fn(f64, f64) -> f64);
-    let unary: [Unary; 10] = [
-        ("sin", libm::sin),
-        ("cos", libm::cos),
-        ("tan", libm::tan),
-        ("asin", libm::asin),
-        ("acos", libm::acos),
-        ("atan", libm::atan),
-        ("exp", libm::exp),
-        ("ln", libm::log),
-        ("tanh", libm::tanh),
-        ("wrap", |angle_rad| {
-            libm::atan2(libm::sin(angle_rad), libm::cos(angle_rad))
-        }),
-    ];
-    let binary: [Binary; 3] = [("atan2", libm::atan2), ("hypot", libm::hypot), ("pow", libm::pow)];
-    for (name, function) in unary {
+    for (name, function) in UNARY {
         linker.func_wrap(NAME, name, move |mut caller: Ask<'_>, x: f64| {
             charge(&mut caller, 0)?;
             Ok::<f64, Error>(function(x))
         })?;
     }
-    for (name, function) in binary {
+    for (name, function) in BINARY {
         linker.func_wrap(NAME, name, move |mut caller: Ask<'_>, x: f64, y: f64| {
             charge(&mut caller, 0)?;
             Ok::<f64, Error>(function(x, y))

@@ -1,5 +1,6 @@
 //! Functions of numbers for scripts, all from `libm`: the same bits natively and in the browser.
 
+use crate::maths::{BINARY, Binary, UNARY, Unary};
 use rhai::{Dynamic, Engine, EvalAltResult};
 
 /// A whole number or a floating one.
@@ -13,24 +14,13 @@ pub(super) fn number(value: &Dynamic) -> Result<f64, Box<EvalAltResult>> {
     }
 }
 
-type Unary = (&'static str, fn(f64) -> f64);
-type Binary = (&'static str, fn(f64, f64) -> f64);
-
-const UNARY: [Unary; 26] = [
-    ("sin", libm::sin),
-    ("cos", libm::cos),
-    ("tan", libm::tan),
-    ("asin", libm::asin),
-    ("acos", libm::acos),
-    ("atan", libm::atan),
+/// Beyond what modules have as well.
+const MORE_UNARY: [Unary; 16] = [
     ("sinh", libm::sinh),
     ("cosh", libm::cosh),
-    ("tanh", libm::tanh),
     ("asinh", libm::asinh),
     ("acosh", libm::acosh),
     ("atanh", libm::atanh),
-    ("exp", libm::exp),
-    ("ln", libm::log),
     ("log", libm::log10),
     ("sqrt", f64::sqrt),
     ("cbrt", libm::cbrt),
@@ -41,28 +31,16 @@ const UNARY: [Unary; 26] = [
     ("to_radians", |degrees| degrees * (core::f64::consts::PI / 180.0)),
     ("to_degrees", |radians| radians * (180.0 / core::f64::consts::PI)),
     ("to_float", |x| x),
-    ("wrap", wrap),
     ("int", f64::trunc),
 ];
-const BINARY: [Binary; 5] = [
-    ("atan2", libm::atan2),
-    ("hypot", libm::hypot),
-    ("pow", libm::pow),
-    ("min", f64::min),
-    ("max", f64::max),
-];
-
-/// The same angle in [-pi, pi].
-fn wrap(angle_rad: f64) -> f64 {
-    libm::atan2(libm::sin(angle_rad), libm::cos(angle_rad))
-}
+const MORE_BINARY: [Binary; 2] = [("min", f64::min), ("max", f64::max)];
 
 pub(super) fn register(engine: &mut Engine) {
-    for (name, function) in UNARY {
+    for (name, function) in UNARY.into_iter().chain(MORE_UNARY) {
         engine.register_fn(name, function);
         engine.register_fn(name, move |x: i64| function(x as f64));
     }
-    for (name, function) in BINARY {
+    for (name, function) in BINARY.into_iter().chain(MORE_BINARY) {
         engine.register_fn(name, function);
         engine.register_fn(name, move |x: i64, y: f64| function(x as f64, y));
         engine.register_fn(name, move |x: f64, y: i64| function(x, y as f64));

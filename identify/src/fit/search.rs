@@ -91,12 +91,8 @@ impl<'a> Search<'a> {
             let [x_m, y_m, radius_m, ..] = &member.values[..] else {
                 return false;
             };
-            let (mut all, mut beside) = (0, 0);
-            for [x, y] in self.problem.records.iter().flat_map(Record::positions_m) {
-                all += 1;
-                beside += i32::from(libm::hypot(x - x_m, y - y_m) + reach_m > *radius_m);
-            }
-            all > 0 && f64::from(beside) <= BESIDE * f64::from(all)
+            let positions = self.problem.records.iter().flat_map(Record::positions_m);
+            covers([*x_m, *y_m], radius_m - reach_m, positions)
         };
         let mut patches = members
             .iter()
@@ -155,4 +151,14 @@ pub(super) fn pattern(
         }
     }
     before - *energy > LEAST_GAIN
+}
+
+/// A circle has all positions inside, but for a rest of the time.
+pub(super) fn covers(centre_m: [f64; 2], radius_m: f64, positions_m: impl Iterator<Item = [f64; 2]>) -> bool {
+    let (mut all, mut beside) = (0, 0);
+    for [x_m, y_m] in positions_m {
+        all += 1;
+        beside += i32::from(libm::hypot(x_m - centre_m[0], y_m - centre_m[1]) > radius_m);
+    }
+    all > 0 && f64::from(beside) <= BESIDE * f64::from(all)
 }

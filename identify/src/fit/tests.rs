@@ -1,4 +1,4 @@
-use super::search::{NEAR, Steps, TICK_S};
+use super::search::{NEAR, Steps, TICK_S, covers};
 use super::*;
 
 fn outlook(iteration: usize, gain: f64, promised: f64) -> Outlook {
@@ -68,4 +68,16 @@ fn slopes_tell_the_decrease_of_a_parabola() {
     let right = [3.0, 2.0];
     assert!((told(&normal, &right, &[3.0, 1.0]) - 11.0).abs() < 1e-12);
     assert!((told(&normal, &right, &[1.0, 0.0]) - 5.0).abs() < 1e-12);
+}
+
+#[test]
+fn a_patch_is_the_floor_when_runs_were_hardly_ever_beside_it() {
+    let track = |beside: usize| (0..100).map(move |k| [if k < beside { 2.0 } else { 0.01 * k as f64 }, 0.3]);
+    assert!(covers([0.5, 0.3], 0.6, track(0)) && covers([0.5, 0.3], 0.6, track(3)));
+    assert!(!covers([0.5, 0.3], 0.6, track(4)), "a patch beside which runs were");
+    assert!(!covers([0.5, 0.3], 0.2, track(0)), "a patch in the middle of the track");
+    assert!(
+        !covers([0.0, 0.0], 9.0, std::iter::empty()),
+        "runs without poses say nothing"
+    );
 }

@@ -139,3 +139,50 @@ impl RollingInput {
             && self.steering.as_ref().is_none_or(|line| line.covers(from_s, to_s))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn line() -> Line {
+        let time_s: Vec<f64> = (0..200)
+            .map(|k| 0.01 * k as f64 + 0.003 * libm::sin(k as f64))
+            .collect();
+        let values = time_s.iter().map(|t| libm::sin(7.0 * t)).collect();
+        Line { time_s, values }
+    }
+
+    #[test]
+    fn values_in_a_row_are_those_one_by_one() {
+        let line = line();
+        for begin_s in [-0.1, 0.0, 0.55, 1.5, 2.5] {
+            let mut after = 0;
+            for k in 0..150 {
+                let time_s = begin_s + 0.0083 * f64::from(k);
+                assert_eq!(
+                    line.next_at(time_s, &mut after).to_bits(),
+                    line.at(time_s).to_bits(),
+                    "{time_s}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn mean_speeds_of_spans_are_differences_of_angles() {
+        let spans = || (0..100).map(|k| (0.0083 * f64::from(k), 0.0083 * f64::from(k) + 0.02));
+        let speeds = WheelLine::Angle(line()).speeds(spans());
+        for ((from_s, to_s), speed) in spans().zip(&speeds) {
+            let exact = (line().at(to_s) - line().at(from_s)) / (to_s - from_s);
+            assert_eq!(speed.to_bits(), exact.to_bits());
+        }
+        let measured = WheelLine::Speed(line()).speeds(spans());
+        let halfway = spans().map(|(from_s, to_s)| line().at(0.5 * (from_s + to_s)));
+        assert!(
+            halfway
+                .zip(&measured)
+                .all(|(exact, speed)| exact.to_bits() == speed.to_bits())
+        );
+        assert_eq!(measured.len(), 100);
+    }
+}

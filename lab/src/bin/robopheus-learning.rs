@@ -4,6 +4,7 @@
 use anyhow::{Context, Result};
 use clap::Parser;
 use lab::backoff::Backoff;
+use lab::begin::begin;
 use lab::learning::{LearningRun, Lesson};
 use lab::record::Record;
 use lab::service::Service;
@@ -37,16 +38,7 @@ struct Settings {
 }
 
 fn main() -> Result<()> {
-    // First: reqwest is built without a TLS provider of its own and panics without this one.
-    if rustls::crypto::ring::default_provider().install_default().is_err() {
-        anyhow::bail!("another TLS provider is installed");
-    }
-    let settings = Settings::parse();
-    let filter = tracing_subscriber::EnvFilter::try_from_default_env().unwrap_or_else(|_| "info".into());
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_writer(std::io::stderr)
-        .init();
+    let settings: Settings = begin()?;
     let service = match (&settings.server, &settings.token_file) {
         (Some(server), Some(file)) => {
             let token = std::fs::read_to_string(file).with_context(|| format!("read the token {}", file.display()))?;

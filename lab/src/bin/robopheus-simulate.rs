@@ -5,6 +5,7 @@ use anyhow::{Context, Result};
 use api::lab::{ClaimRequest, LabDescription, Side};
 use clap::Parser;
 use lab::backoff::Backoff;
+use lab::begin::begin;
 use lab::desk::{Desk, DeskPlaces};
 use lab::ending::run_until_signal;
 use lab::hub::VIRTUAL_ADDRESS_FILE;
@@ -49,16 +50,7 @@ struct Settings {
 }
 
 fn main() -> Result<()> {
-    // First: reqwest is built without a TLS provider of its own and panics without this one.
-    if rustls::crypto::ring::default_provider().install_default().is_err() {
-        anyhow::bail!("another TLS provider is installed");
-    }
-    let settings = Settings::parse();
-    let filter = tracing_subscriber::EnvFilter::try_from_default_env().unwrap_or_else(|_| "info".into());
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_writer(std::io::stderr)
-        .init();
+    let settings: Settings = begin()?;
     let (hub, data) = (settings.hub.clone(), settings.data.clone());
     let shadow = std::thread::Builder::new()
         .name("shadow".to_owned())

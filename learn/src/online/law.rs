@@ -2,8 +2,7 @@
 
 use super::OnlineError;
 use std::collections::VecDeque;
-use twin::math;
-use twin::residual::{Activation, INPUTS, Layer, MAX_TICKS_AGO, OUTPUTS, Observation, Quantity, ResidualDocument};
+use twin::residual::{Activation, Layer, MAX_TICKS_AGO, OUTPUTS, Observation, ResidualDocument, Source};
 
 /// Axes of an acceleration: forward, left, yaw.
 pub const AXES: usize = OUTPUTS.len();
@@ -16,18 +15,6 @@ pub struct Law {
     outputs: Vec<Output>,
     /// Of one row: the bias and one per unit of the last hidden layer.
     features: usize,
-}
-
-#[derive(Debug, Clone, Copy)]
-struct Source {
-    quantity: Quantity,
-    wheel: usize,
-    ticks_ago: usize,
-    mean: f64,
-    scale: f64,
-    low: f64,
-    high: f64,
-    fade: f64,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -58,17 +45,7 @@ impl Law {
         let unknown = |name: &str| OnlineError::Model(format!("there is nothing called {name:?}"));
         let mut sources = Vec::with_capacity(document.inputs.len());
         for input in &document.inputs {
-            let entry = INPUTS.iter().find(|entry| entry.name == input.name);
-            sources.push(Source {
-                quantity: entry.ok_or_else(|| unknown(&input.name))?.quantity,
-                wheel: input.wheel.unwrap_or(0),
-                ticks_ago: input.ticks_ago,
-                mean: input.mean,
-                scale: input.scale,
-                low: input.low,
-                high: input.high,
-                fade: document.fade * (input.high - input.low),
-            });
+            sources.push(Source::new(document, input).ok_or_else(|| unknown(&input.name))?);
         }
         let Some((last, hidden)) = document.layers.split_last() else {
             return Err(OnlineError::Model("the residual has no layer".to_owned()));
@@ -124,19 +101,15 @@ impl Law {
 
     /// Looks at one control tick.
     pub fn see(&self, observation: &Observation, past: &mut Past) -> Seen {
-        let now: Vec<f64> = self
-            .sources
-            .iter()
-            .map(|source| observation.value(source.quantity, source.wheel))
-            .collect();
+        let now: Vec<f64> = self.sources.iter().map(|source| source.value(observation)).collect();
         let mut fade = 1.0;
         let mut units = Vec::with_capacity(self.features);
         let mut inputs = Vec::with_capacity(now.len());
         for (place, source) in self.sources.iter().enumerate() {
-            let value = past.ago(source.ticks_ago, &now)[place];
+            let value = past.ago(source.ticks_ago(), &now)[place];
             inputs.push(value);
             units.push(source.normalised(value));
-            fade *= source.faded(value);
+            fade *= source.fade(value);
         }
         past.push(now);
         for layer in &self.hidden {
@@ -186,18 +159,6 @@ impl Past {
     }
 }
 
-impl Source {
-    fn normalised(&self, value: f64) -> f64 {
-        (value.max(self.low).min(self.high) - self.mean) / self.scale
-    }
-
-    fn faded(&self, value: f64) -> f64 {
-        let beyond = (self.low - value).max(value - self.high).max(0.0);
-        let e = (beyond / self.fade).min(1.0);
-        1.0 - e * e * (3.0 - 2.0 * e)
-    }
-}
-
 fn apply(layer: &Layer, units: &[f64]) -> Vec<f64> {
     let rows = layer.weights.chunks_exact(units.len().max(1)).zip(&layer.bias);
     rows.map(|(row, bias)| {
@@ -205,11 +166,7 @@ fn apply(layer: &Layer, units: &[f64]) -> Vec<f64> {
             .iter()
             .zip(units)
             .fold(*bias, |sum, (weight, unit)| sum + weight * unit);
-        match layer.activation {
-            Activation::Linear => sum,
-            Activation::Tanh => math::tanh(sum),
-            Activation::Softsign => sum / (1.0 + sum.abs()),
-        }
+        layer.activation.of(sum)
     })
     .collect()
 }

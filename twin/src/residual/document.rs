@@ -60,6 +60,17 @@ pub enum Activation {
     Softsign,
 }
 
+impl Activation {
+    /// Its value for a sum.
+    pub fn of(self, sum: f64) -> f64 {
+        match self {
+            Self::Linear => sum,
+            Self::Tanh => crate::math::tanh(sum),
+            Self::Softsign => sum / (1.0 + sum.abs()),
+        }
+    }
+}
+
 /// One acceleration in the body frame, at the centre of mass.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

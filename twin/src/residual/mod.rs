@@ -24,10 +24,12 @@ mod check;
 mod document;
 mod input;
 mod network;
+mod source;
 
 pub use document::{Activation, Input, Layer, Output, ResidualDocument};
 pub use input::{INPUTS, InputEntry, Observation, Of, Quantity};
 pub use network::Residual;
+pub use source::Source;
 
 /// The format this crate reads and writes.
 pub const FORMAT: &str = "robopheus.residual/1";

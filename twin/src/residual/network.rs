@@ -1,9 +1,9 @@
 //! A checked network, laid out for evaluation: fixed order, no allocation.
 
 use super::document::{Activation, Layer, ResidualDocument};
-use super::input::{Observation, Quantity, find};
+use super::input::Observation;
+use super::source::Source;
 use super::{MAX_UNITS, OUTPUTS, check};
-use crate::math;
 use crate::parameter::ParameterError;
 use crate::robot::RobotDescription;
 
@@ -15,19 +15,6 @@ pub struct Residual {
     layers: Vec<Dense>,
     /// By position in [`OUTPUTS`]: row of the last layer, scale, limit.
     outputs: [Option<(usize, f64, f64)>; OUTPUTS.len()],
-}
-
-/// Where an input comes from and what becomes of it.
-#[derive(Debug, Clone, Copy)]
-struct Source {
-    quantity: Quantity,
-    wheel: usize,
-    ticks_ago: usize,
-    mean: f64,
-    scale: f64,
-    low: f64,
-    high: f64,
-    fade: f64,
 }
 
 #[derive(Debug, Clone)]
@@ -45,20 +32,11 @@ impl Residual {
     ///   that are named twice, numbers out of range, shapes that do not fit, too many layers or units.
     pub fn new(robot: &RobotDescription, document: &ResidualDocument) -> Result<Residual, ParameterError> {
         check::check(robot, document)?;
-        let mut inputs = Vec::with_capacity(document.inputs.len());
-        for input in &document.inputs {
-            let Some(entry) = find(&input.name) else { continue };
-            inputs.push(Source {
-                quantity: entry.quantity,
-                wheel: input.wheel.unwrap_or(0),
-                ticks_ago: input.ticks_ago,
-                mean: input.mean,
-                scale: input.scale,
-                low: input.low,
-                high: input.high,
-                fade: document.fade * (input.high - input.low),
-            });
-        }
+        let inputs = document
+            .inputs
+            .iter()
+            .filter_map(|input| Source::new(document, input))
+            .collect();
         let outputs = OUTPUTS.map(|(name, _, _)| {
             let row = document.outputs.iter().position(|output| output.name == name)?;
             let output = &document.outputs[row];
@@ -101,14 +79,12 @@ impl Residual {
 
     /// Values of the inputs at one tick, in their units, in the document's order; inputs of an earlier tick as they are now.
     pub fn values<'a>(&'a self, seen: &'a Observation) -> impl Iterator<Item = f64> + 'a {
-        self.inputs
-            .iter()
-            .map(|source| seen.value(source.quantity, source.wheel))
+        self.inputs.iter().map(|source| source.value(seen))
     }
 
     /// Numbers kept between ticks: accelerations in force, then for each input that looks back its values, oldest first.
     pub(crate) fn words(&self) -> usize {
-        OUTPUTS.len() + self.inputs.iter().map(|source| source.ticks_ago).sum::<usize>()
+        OUTPUTS.len() + self.inputs.iter().map(Source::ticks_ago).sum::<usize>()
     }
 
     /// One control tick: takes in what is seen now and leaves the accelerations of this tick in front of `memory`.
@@ -117,17 +93,18 @@ impl Residual {
         let mut inputs = [0.0; MAX_UNITS];
         for ((input, source), now) in inputs.iter_mut().zip(&self.inputs).zip(self.values(seen)) {
             *input = now;
-            if source.ticks_ago == 0 {
+            let ticks_ago = source.ticks_ago();
+            if ticks_ago == 0 {
                 continue;
             }
-            let (own, rest) = past.split_at_mut(source.ticks_ago);
+            let (own, rest) = past.split_at_mut(ticks_ago);
             past = rest;
             if first {
                 own.fill(now);
             }
             *input = own[0];
             own.copy_within(1.., 0);
-            own[source.ticks_ago - 1] = now;
+            own[ticks_ago - 1] = now;
         }
         held.copy_from_slice(&self.accelerations(&inputs[..self.inputs.len()]));
     }
@@ -135,19 +112,6 @@ impl Residual {
 
 fn padded(inputs: &[f64]) -> impl Iterator<Item = f64> + '_ {
     inputs.iter().copied().chain(core::iter::repeat(0.0))
-}
-
-impl Source {
-    fn normalised(&self, value: f64) -> f64 {
-        (value.max(self.low).min(self.high) - self.mean) / self.scale
-    }
-
-    /// 1 inside the range, 0 beyond the zone around it, with a continuous slope between.
-    fn fade(&self, value: f64) -> f64 {
-        let beyond = (self.low - value).max(value - self.high).max(0.0);
-        let e = (beyond / self.fade).min(1.0);
-        1.0 - e * e * (3.0 - 2.0 * e)
-    }
 }
 
 impl Dense {
@@ -174,11 +138,7 @@ impl Dense {
             }
         }
         for (unit, sum) in units.iter_mut().zip(sums.iter()) {
-            *unit = match self.activation {
-                Activation::Linear => *sum,
-                Activation::Tanh => math::tanh(*sum),
-                Activation::Softsign => *sum / (1.0 + sum.abs()),
-            };
+            *unit = self.activation.of(*sum);
         }
     }
 }
