@@ -5,6 +5,7 @@ use twin::effect::library::LIBRARY;
 use twin::model_document::ModelDocument;
 
 use super::gap_table::gap_table;
+use super::louder::{louder, share_left};
 use super::{Case, DiagnoseError, Diagnosis, LIBRARY_VERSION, Taken};
 use crate::fit::{Fit, with_members};
 use crate::hypothesis::{Hypothesis, Knob, applies};
@@ -36,6 +37,12 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
     let members: Vec<_> = case.fit.as_ref().map_or_else(Vec::new, |fit| fit.members.clone());
     let mut after = with_members(&case.floor.model, &members);
     let mut verdict = verdict(case);
+    let levels = &case.levels;
+    if let Some(louder) = louder(&levels.references, &levels.after)
+        && matches!(verdict, Verdict::Unexplained | Verdict::Partial)
+    {
+        case.remarks.push(louder.words());
+    }
     if verdict == Verdict::Unexplained || verdict == Verdict::NoDiscrepancy {
         after = case.floor.model.clone();
         case.fit = None;
@@ -84,7 +91,8 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
 }
 
 fn verdict(case: &Case) -> Verdict {
-    let real = case.energy_before > case.energy_limit;
+    let levels = &case.levels;
+    let real = case.energy_before > case.energy_limit || louder(&levels.references, &levels.before).is_some();
     let naming: Vec<&Taken> = case.taken.iter().filter(|taken| !taken.tiny).collect();
     if naming.is_empty() {
         return if real {
@@ -99,6 +107,9 @@ fn verdict(case: &Case) -> Verdict {
     if remains && left > 0.8 {
         return Verdict::Unexplained;
     }
+    let remains = remains
+        || louder(&levels.references, &levels.after)
+            .is_some_and(|louder| share_left(&levels.references, &levels.before, &levels.after, louder.class) > REST);
     let validation = case.roles.iter().filter(|role| **role == Role::Validation).count();
     if naming.iter().any(|taken| !other_names(taken).is_empty()) {
         return Verdict::Ambiguous;

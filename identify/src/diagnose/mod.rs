@@ -5,6 +5,7 @@ mod calibrate;
 mod exchange;
 mod excited;
 mod gap_table;
+mod louder;
 mod loudness;
 mod next;
 mod prepared;
@@ -23,6 +24,7 @@ use crate::report::Report;
 use crate::screen::{Score, all_residuals};
 use crate::select::{Finalist, Role, Round, Sensitivities, Stop, roles, round, slack_of};
 use crate::workers::{Cancelled, Workers};
+use louder::RunLevel;
 use prepared::{Prepared, prepare};
 
 /// Version of the effect library and of this workflow.
@@ -129,7 +131,17 @@ struct Case<'a> {
     energy_after: f64,
     energy_floor: f64,
     energy_limit: f64,
+    /// References, runs before and after; empty without references.
+    levels: Levels,
     remarks: Vec<String>,
+}
+
+/// How loud the channels are, run by run.
+#[derive(Debug, Clone, Default)]
+struct Levels {
+    references: Vec<RunLevel>,
+    before: Vec<RunLevel>,
+    after: Vec<RunLevel>,
 }
 
 /// Diagnoses runs.
@@ -190,6 +202,7 @@ pub fn diagnose(workers: &dyn Workers, input: &Input) -> Result<Diagnosis, Diagn
         energy_after: 0.0,
         energy_floor: 1.0,
         energy_limit: 1.0,
+        levels: Levels::default(),
         remarks,
     };
     search(workers, &mut case, &stages)?;
@@ -394,6 +407,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
     let mut after = run_energies(&train.metric, &train.residuals);
     after.extend(run_energies(&validation.metric, &validation.residuals));
     case.energy_after = after.iter().sum::<f64>() / after.len().max(1) as f64;
+    case.levels.after = open_levels(&train, &validation);
     finish(workers, case, stages, members)
 }
 
@@ -531,14 +545,24 @@ fn run_energies(metric: &Metric, residuals: &[Vec<f64>]) -> Vec<f64> {
         .collect()
 }
 
+/// Levels of training and validation runs.
+fn open_levels(train: &Prepared, validation: &Prepared) -> Vec<RunLevel> {
+    let of = |side: &Prepared| louder::levels(&side.metric, &side.records, &side.residuals);
+    let mut levels = of(train);
+    levels.extend(of(validation));
+    levels
+}
+
 /// Energy of the runs before anything is named, of the references, and the limit that chance keeps below.
 fn levels(case: &mut Case, reference_metric: Option<&Metric>, train: &Prepared, validation: &Prepared) {
     let mut runs = run_energies(&train.metric, &train.residuals);
     runs.extend(run_energies(&validation.metric, &validation.residuals));
     case.energy_before = runs.iter().sum::<f64>() / runs.len().max(1) as f64;
+    case.levels.before = open_levels(train, validation);
     match reference_metric {
         Some(metric) => {
             let floor = &case.floor;
+            case.levels.references = louder::levels(metric, &floor.references, &floor.residuals);
             let energies = run_energies(metric, &floor.residuals);
             let n = energies.len() as f64;
             let mean = energies.iter().sum::<f64>() / n;

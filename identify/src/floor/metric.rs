@@ -132,6 +132,21 @@ impl Metric {
         energies
     }
 
+    /// What the knobs, turned as is likeliest for this run alone, leave of a run's vector, in units of the noise: roots of weighted energies.
+    pub fn rest(&self, run: usize, vector: &[f64]) -> Vec<f64> {
+        let terms = &self.runs[run];
+        let weights = &terms.weighting.weights;
+        let mut rest = terms.weighting.turned(vector);
+        let left = weighted(weights, &rest);
+        let seen: Vec<f64> = terms.knobs.iter().map(|knob| dot(&left, knob)).collect();
+        for (knob, amount) in terms.knobs.iter().zip(terms.inner.solve(&seen)) {
+            for (r, k) in rest.iter_mut().zip(knob) {
+                *r -= amount * k;
+            }
+        }
+        rest.iter().zip(weights).map(|(r, w)| r * w.sqrt()).collect()
+    }
+
     /// Products a' V^-1 b of one run, and S' V^-1 a of every vector.
     fn run_products(&self, terms: &RunTerms, vectors: &[&[f64]]) -> (Square, Vec<Vec<f64>>) {
         let count = vectors.len();

@@ -33,7 +33,7 @@ pub const CELL_S: f64 = 0.05;
 /// Width of a cell of the pose, s.
 pub const POSE_CELL_S: f64 = 0.1;
 
-/// Mean of a channel over a bin.
+/// Weighted mean of a channel over a bin and half of either neighbour.
 #[derive(Debug, Clone, Copy)]
 pub struct Cell {
     pub quantity: Quantity,
@@ -56,6 +56,17 @@ pub struct PoseCell {
     pub samples: (u32, u32),
 }
 
+/// Where a measured sample lies among a simulation's rows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SamplePlace {
+    /// Position of the row before it.
+    pub row: u32,
+    /// Part of the way to the next row.
+    pub part: f64,
+    /// Its share in a channel's cell, of all together 1; samples of a pose count alike.
+    pub weight: f64,
+}
+
 /// A simulation of a window and what is compared with it.
 #[derive(Debug, Clone, Default)]
 pub struct Chain {
@@ -65,8 +76,7 @@ pub struct Chain {
     /// Set-points of the time before the start, and what was in force before them: effects of commands remember them.
     pub earlier: Vec<CommandRow>,
     pub before: HeldCommand,
-    /// Where a measured sample lies among the rows: position of the row before and the part of the way to the next.
-    pub samples: Vec<(u32, f64)>,
+    pub samples: Vec<SamplePlace>,
     pub cells: Vec<Cell>,
     pub poses: Vec<PoseCell>,
 }

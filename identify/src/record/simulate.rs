@@ -8,7 +8,7 @@ use twin::replay::{CommandRow, ReplayRow, replay_after};
 use twin::robot::Robot;
 
 use super::build::rolling_rows;
-use super::{Chain, Record, Window};
+use super::{Chain, Record, SamplePlace, Window};
 use crate::gap::RobotClock;
 use crate::hypothesis::Hypothesis;
 
@@ -130,15 +130,15 @@ fn compare(chain: &Chain, states: &[ReplayRow], out: &mut Vec<f64>) {
     for cell in &chain.cells {
         let samples = &chain.samples[cell.samples.0 as usize..cell.samples.1 as usize];
         let mut sum = 0.0;
-        for (row, part) in samples {
-            let row = (*row as usize).min(last);
+        for place in samples {
+            let row = (place.row as usize).min(last);
             let (a, b) = (
                 cell.quantity.of(&states[row].state),
                 cell.quantity.of(&states[row + 1].state),
             );
-            sum += a + part * (b - a);
+            sum += place.weight * (a + place.part * (b - a));
         }
-        out.push(cell.measured - sum / samples.len() as f64);
+        out.push(cell.measured - sum);
     }
     if !chain.poses.is_empty() {
         aligned(chain, states, out);
@@ -153,7 +153,7 @@ fn aligned(chain: &Chain, states: &[ReplayRow], out: &mut Vec<f64>) {
     for cell in &chain.poses {
         let samples = &chain.samples[cell.samples.0 as usize..cell.samples.1 as usize];
         let mut sums = [0.0; 3];
-        for (row, part) in samples {
+        for SamplePlace { row, part, .. } in samples {
             let row = (*row as usize).min(last);
             let (a, b) = (&states[row].state.pose, &states[row + 1].state.pose);
             sums[0] += a.x_m + part * (b.x_m - a.x_m);
