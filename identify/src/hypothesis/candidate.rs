@@ -94,6 +94,21 @@ impl Candidate {
         .fold(0.0, f64::max)
     }
 
+    /// The library's large size in practical sizes; infinite where it names none.
+    pub fn large_size(&self, robot: &RobotDescription) -> f64 {
+        let axes = self
+            .axes
+            .iter()
+            .filter(|axis| axis.carries_size && axis.neutral.is_finite());
+        let large = axes.filter_map(|axis| {
+            let entry = self.entry.parameters.iter().find(|entry| entry.name == axis.name)?;
+            let change = (entry.size.values(robot).1 - axis.neutral).abs();
+            (change.is_finite() && change > 0.0).then(|| change / axis.practical)
+        });
+        let large = large.fold(0.0, f64::max);
+        if large > 0.0 { large } else { f64::INFINITY }
+    }
+
     /// True when a value with this sign of change is outside what the effect can be.
     pub fn is_one_sided(&self, axis: usize) -> bool {
         let axis = &self.axes[axis];

@@ -13,6 +13,9 @@ const CONSISTENT: f64 = 0.2;
 /// still missing may hide there.
 const WORSE: f64 = 0.1;
 const HARM: f64 = 0.25;
+/// Sizes beyond this many times the large one are believed at this many times the threshold.
+const INCREDIBLE: f64 = 3.0;
+const PROVEN: f64 = 10.0;
 /// Half-splits, and bootstrap replicates.
 const REPLICATES: usize = 200;
 
@@ -205,6 +208,13 @@ fn gate(data: &Round, finalist: &Finalist, threshold: f64) -> Option<String> {
             100.0 * finalist.in_references
         ));
     }
+    let large = finalist.member.candidate.large_size(&data.floor.given.description);
+    if is_incredible(finalist.size, large, finalist.gain_train, threshold) {
+        return Some(format!(
+            "explains next to nothing for its size, {:.1} times what is large",
+            finalist.size / large
+        ));
+    }
     let at_bound = finalist
         .member
         .candidate
@@ -219,6 +229,11 @@ fn gate(data: &Round, finalist: &Finalist, threshold: f64) -> Option<String> {
                 && (value <= &axis.low || value >= &axis.high)
         });
     at_bound.then(|| "its best value is at the end of the possible range".to_owned())
+}
+
+/// A size far beyond the large one of the library needs evidence as large: what hardly shows may be turned to any size to fit a rest.
+fn is_incredible(size: f64, large: f64, gain: f64, threshold: f64) -> bool {
+    size.is_finite() && size > INCREDIBLE * large && gain < PROVEN * threshold
 }
 
 /// Share of half-splits of all windows in which a finalist, or one just like it, gains most.
@@ -277,6 +292,16 @@ mod tests {
             None,
             "a tenth is allowed"
         );
+    }
+
+    #[test]
+    fn a_size_beyond_belief_needs_evidence() {
+        assert!(
+            is_incredible(91.0, 15.0, 72.0, 34.0),
+            "a wheel 18 % smaller that hardly shows"
+        );
+        assert!(!is_incredible(91.0, 15.0, 400.0, 34.0) && !is_incredible(44.0, 15.0, 72.0, 34.0));
+        assert!(!is_incredible(f64::INFINITY, 15.0, 72.0, 34.0), "limits have no size");
     }
 
     #[test]
