@@ -77,18 +77,10 @@ fn another_day_is_no_discrepancy() {
 }
 
 #[test]
-#[ignore = "the diagnosis says ambiguous, `wheel_speed_saturation`, which is wrong; see docs/discrepancy.md"]
 fn set_points_in_another_order_are_unexplained() {
     let report = of_shuffled_set_points();
     assert_eq!(report.verdict, Verdict::Unexplained);
     assert!(report.effects.is_empty());
-}
-
-#[test]
-fn set_points_in_another_order_are_not_confirmed() {
-    let report = of_shuffled_set_points();
-    assert_ne!(report.verdict, Verdict::Confirmed);
-    assert_ne!(report.verdict, Verdict::NoDiscrepancy);
 }
 
 fn of_shuffled_set_points() -> Report {

@@ -32,6 +32,11 @@ const LIMIT_SHARE: f64 = 0.2;
 const LISTED: f64 = 3.0;
 /// Excess that remains, as a share of the excess before, that still counts as explained.
 const REST: f64 = 0.3;
+/// Names that leave more are no explanation.
+const NEXT_TO_NOTHING: f64 = 0.8;
+/// Nor are those that leave half of it with residuals of ten times the limit: that twin and these runs have little to do with each other.
+const HALF: f64 = 0.5;
+const FAR: f64 = 100.0;
 
 pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagnosis, DiagnoseError> {
     let members: Vec<_> = case.fit.as_ref().map_or_else(Vec::new, |fit| fit.members.clone());
@@ -104,7 +109,8 @@ fn verdict(case: &Case) -> Verdict {
     let excess = (case.energy_before - case.energy_floor).max(1e-9);
     let left = (case.energy_after - case.energy_floor) / excess;
     let remains = case.energy_after > case.energy_limit && left > REST;
-    if remains && left > 0.8 {
+    let is_far = case.energy_after > FAR * case.energy_limit;
+    if remains && (left > NEXT_TO_NOTHING || is_far && left > HALF) {
         return Verdict::Unexplained;
     }
     let remains = remains

@@ -273,14 +273,16 @@ pub fn slack_of(floor: &Floor) -> impl Fn(f64) -> f64 {
     move |gain| chance + LAW_SHARE * gain
 }
 
-/// The best that passes; of those that the gain cannot tell from it the one with the fewest sizes.
+/// The best that passes; of those that the gain cannot tell from it the one with the fewest sizes, the choice of a wheel among them.
 fn simplest(pairs: &[(Finalist, &Fitted)], slack: impl Fn(f64) -> f64) -> Option<usize> {
     let best = pairs.iter().position(|(finalist, _)| finalist.because.is_none())?;
     let best_gain = pairs[best].0.gain();
     let sizes = |finalist: &Finalist| {
         let axes = finalist.member.candidate.axes.iter().zip(&finalist.member.values);
-        axes.filter(|(axis, value)| axis.carries_size && value.is_finite())
-            .count()
+        let sizes = axes
+            .filter(|(axis, value)| axis.carries_size && value.is_finite())
+            .count();
+        sizes + usize::from(finalist.member.candidate.index.is_some())
     };
     let near = |finalist: &Finalist| finalist.because.is_none() && best_gain - finalist.gain() < slack(best_gain);
     (0..pairs.len())
