@@ -9,6 +9,11 @@ const FIT_SPAN_US: i64 = 150_000;
 const JUMP_MARGIN_M: f64 = 0.03;
 /// Same for the yaw.
 const JUMP_MARGIN_RAD: f64 = 0.08;
+/// Further than this beyond what is possible a pose is another's: no slide and no late telemetry explains it.
+const IMPOSTOR_M: f64 = 0.1;
+const IMPOSTOR_RAD: f64 = 0.3;
+/// Longest time between two pictures of a motion that goes on.
+const MOTION_GAP_US: i64 = 100_000;
 /// Poses that do not change while the wheels report this much travel come from a frozen picture.
 const FROZEN_TRAVEL_M: f64 = 0.02;
 
@@ -70,6 +75,8 @@ pub struct PoseTrack {
     odometer_at_pose_m: Option<f64>,
     /// World velocity at the newest pose, where the localisation tells it.
     velocity: Option<[f64; 3]>,
+    /// The newest pose of a motion that began with a jump: it stays a lie when the robot could have got there meanwhile.
+    impostor: Option<PoseSample>,
 }
 
 /// Angle wrapped to +-pi.
@@ -99,6 +106,7 @@ impl PoseTrack {
             readings: 0,
             odometer_at_pose_m: None,
             velocity: None,
+            impostor: None,
         }
     }
 
@@ -176,9 +184,15 @@ impl PoseTrack {
             if unchanged && self.travel_since_change_m > FROZEN_TRAVEL_M {
                 return Belief::Frozen;
             }
-            if self.is_jump(&last, &sample) {
+            let [beyond_m, beyond_rad] = self.beyond(&last, &sample);
+            if beyond_m > IMPOSTOR_M || beyond_rad > IMPOSTOR_RAD || self.goes_on(&sample) {
+                self.impostor = Some(sample);
                 return Belief::Jump;
             }
+            if beyond_m > 0.0 || beyond_rad > 0.0 {
+                return Belief::Jump;
+            }
+            self.impostor = None;
             if !unchanged {
                 self.travel_since_change_m = 0.0;
             }
@@ -193,12 +207,27 @@ impl PoseTrack {
         Belief::Accepted
     }
 
-    fn is_jump(&self, last: &PoseSample, sample: &PoseSample) -> bool {
+    /// How far a pose is beyond what the robot can have done, m and rad; positive is a jump.
+    fn beyond(&self, last: &PoseSample, sample: &PoseSample) -> [f64; 2] {
         let elapsed_s = (sample.exposure_us - last.exposure_us) as f64 * 1e-6;
         let moved_m = f64::hypot(sample.x_m - last.x_m, sample.y_m - last.y_m);
         let turned_rad = wrap_rad(sample.yaw_rad - last.yaw_rad).abs();
-        moved_m > self.reach_m(last, sample) + JUMP_MARGIN_M
-            || turned_rad > self.limits.yaw_rate_rad_per_s * elapsed_s + JUMP_MARGIN_RAD
+        [
+            moved_m - self.reach_m(last, sample) - JUMP_MARGIN_M,
+            turned_rad - self.limits.yaw_rate_rad_per_s * elapsed_s - JUMP_MARGIN_RAD,
+        ]
+    }
+
+    /// True when a pose goes on with the motion that began with a jump.
+    fn goes_on(&self, sample: &PoseSample) -> bool {
+        let Some(before) = self.impostor else { return false };
+        let elapsed_us = sample.exposure_us - before.exposure_us;
+        let elapsed_s = elapsed_us as f64 * 1e-6;
+        let moved_m = f64::hypot(sample.x_m - before.x_m, sample.y_m - before.y_m);
+        let turned_rad = wrap_rad(sample.yaw_rad - before.yaw_rad).abs();
+        (0..=MOTION_GAP_US).contains(&elapsed_us)
+            && moved_m <= self.limits.speed_m_per_s * elapsed_s + JUMP_MARGIN_M
+            && turned_rad <= self.limits.yaw_rate_rad_per_s * elapsed_s + JUMP_MARGIN_RAD
     }
 
     /// Body twist at the newest pose, forward m/s, left m/s, yaw rate rad/s: the localisation's velocity, or a
@@ -305,13 +334,63 @@ mod tests {
             travel(&mut track, k, 0.0);
             assert_eq!(track.observe(at(k, 0.3, 0.0, 0.0), None), Belief::Jump, "{k}");
         }
-        // The wheels did roll 0.2 m meanwhile: a robot on omni wheels may be 0.3 m away.
+        // The wheels did roll 0.2 m meanwhile: a robot on omni wheels may be 0.3 m away, but this is what jumped there.
         travel(&mut track, 200, 0.2);
-        assert_eq!(track.observe(at(200, 0.3, 0.0, 0.0), None), Belief::Accepted);
+        assert_eq!(track.observe(at(200, 0.3, 0.0, 0.0), None), Belief::Jump);
+        // Seen there anew, it may be the robot.
+        assert_eq!(track.observe(at(215, 0.3, 0.0, 0.0), None), Belief::Accepted);
         // Without telemetry only the largest speed counts.
         track.wheels_unknown();
-        assert_eq!(track.observe(at(201, 0.8, 0.0, 0.0), None), Belief::Jump);
-        assert_eq!(track.observe(at(320, 0.8, 0.0, 0.0), None), Belief::Accepted);
+        assert_eq!(track.observe(at(216, 0.8, 0.0, 0.0), None), Belief::Jump);
+        assert_eq!(track.observe(at(335, 0.8, 0.0, 0.0), None), Belief::Accepted);
+    }
+
+    /// A robot that brakes from 1 m/s is reported 0.3 m behind: its own way soon makes that possible, and it is a lie all the same.
+    #[test]
+    fn a_motion_that_began_with_a_jump_is_believed_when_it_jumps_back_only() {
+        let mut track = PoseTrack::new(LIMITS);
+        let x_m = |k: i64| {
+            let t = (k as f64 * 8333e-6).min(0.25);
+            t - 2.0 * t * t
+        };
+        for k in 0..60 {
+            track.wheels_travelled_until((x_m(k) - x_m(k - 1)).max(0.0), k * 8333);
+            let lie_m = if k > 3 && k < 50 { -0.31 } else { 0.0 };
+            let belief = track.observe(at(k, x_m(k) + lie_m, 0.0, 0.0), Some([1.0, 0.0, 0.0]));
+            let expected = if lie_m == 0.0 { Belief::Accepted } else { Belief::Jump };
+            assert_eq!(belief, expected, "{k}");
+        }
+    }
+
+    /// Half a turn is a lie for as long as it is told, not until the robot could have turned.
+    #[test]
+    fn a_pose_that_turned_round_is_not_believed_later() {
+        let mut track = PoseTrack::new(LIMITS);
+        track.observe(at(0, 0.0, 0.0, 0.0), None);
+        for k in 1..200 {
+            assert_eq!(track.observe(at(k, 0.0, 0.0, 3.1), None), Belief::Jump, "{k}");
+        }
+        assert_eq!(track.observe(at(200, 0.0, 0.0, 0.0), None), Belief::Accepted);
+    }
+
+    /// A robot that slides a little further than is expected of it is believed as soon as that is possible.
+    #[test]
+    fn a_slide_is_no_lie() {
+        let mut track = PoseTrack::new(LIMITS);
+        for k in 0..3 {
+            track.wheels_travelled_until(0.0, k * 8333);
+            track.observe(at(k, 0.0, 0.0, 0.0), None);
+        }
+        let beliefs: Vec<Belief> = (3..30)
+            .map(|k| {
+                if k > 10 {
+                    track.wheels_travelled_until(0.01, k * 8333);
+                }
+                track.observe(at(k, 0.05, 0.0, 0.0), None)
+            })
+            .collect();
+        assert_eq!(beliefs.first(), Some(&Belief::Jump));
+        assert_eq!(beliefs.last(), Some(&Belief::Accepted));
     }
 
     #[test]
