@@ -73,6 +73,7 @@ pub const RULES: &[Rule] = &[
     rule("GET", "/api/v1/robots/{robot}/gaps", PEOPLE),
     rule("PUT", "/api/v1/robots/{robot}/references", OPERATORS),
     rule("GET", "/api/v1/models", PEOPLE),
+    rule("POST", "/api/v1/models/compare", PEOPLE),
     rule("GET", "/api/v1/models/{id}", PEOPLE),
     rule("GET", "/api/v1/models/{id}/onnx", PEOPLE),
     rule("POST", "/api/v1/diagnoses", PEOPLE),

@@ -1,6 +1,7 @@
 //! What the service does, without HTTP and without SQL.
 
 pub mod archives;
+pub mod comparison;
 pub mod diagnoses;
 pub mod drift;
 pub mod error;

@@ -194,7 +194,7 @@ pub async fn set_references(
     let mut errors = Vec::new();
     for (place, run) in runs.iter().enumerate() {
         let field = format!("runs[{place}]");
-        errors.extend(run_problem(store, principal, robot, &floor, *run, field).await?.1);
+        errors.extend(run_problem(store, principal, robot, &floor, *run, field).await?);
     }
     if let Some(first) = errors.first() {
         return Err(AppError::Invalid {
@@ -216,7 +216,27 @@ pub async fn run_problem(
     floor: &str,
     id: Uuid,
     field: String,
-) -> Result<(Option<RunView>, Option<FieldProblem>), AppError> {
+) -> Result<Option<FieldProblem>, AppError> {
+    let run = match measured_run(store, principal, robot, id, field.clone()).await? {
+        Ok(run) => run,
+        Err(problem) => return Ok(Some(problem)),
+    };
+    Ok((run.experiment.floor != floor).then(|| FieldProblem {
+        field,
+        message: format!("the run {id} was on the floor {:?}", run.experiment.floor),
+        limit: format!("runs on the floor {floor:?}"),
+        remedy: "leave this run out".to_owned(),
+    }))
+}
+
+/// A run on any floor in which this robot was measured, or what is wrong with it.
+pub async fn measured_run(
+    store: &Store,
+    principal: &Principal,
+    robot: &str,
+    id: Uuid,
+    field: String,
+) -> Result<Result<RunView, FieldProblem>, AppError> {
     let run = store
         .run_get(id)
         .await?
@@ -233,7 +253,7 @@ pub async fn run_problem(
             "ids of runs of this robot that are done",
             "take the ids from the list of runs",
         );
-        return Ok((None, Some(told)));
+        return Ok(Err(told));
     };
     if !run.experiment.robots.iter().any(|other| other.name == robot) {
         let names: Vec<_> = run.experiment.robots.iter().map(|other| other.name.as_str()).collect();
@@ -242,7 +262,7 @@ pub async fn run_problem(
             &format!("runs in which {robot} took part"),
             "leave this run out, or name its robot",
         );
-        return Ok((None, Some(told)));
+        return Ok(Err(told));
     }
     if run.experiment.mode == Mode::Virtual {
         let told = problem(
@@ -250,7 +270,7 @@ pub async fn run_problem(
             "runs of the modes `physical` and `interactive`",
             "leave this run out",
         );
-        return Ok((None, Some(told)));
+        return Ok(Err(told));
     }
     if run.state != RunState::Done {
         let told = problem(
@@ -258,17 +278,9 @@ pub async fn run_problem(
             "runs that are `done`",
             "wait until it is done, or leave it out",
         );
-        return Ok((None, Some(told)));
+        return Ok(Err(told));
     }
-    if run.experiment.floor != floor {
-        let told = problem(
-            format!("the run {id} was on the floor {:?}", run.experiment.floor),
-            &format!("runs on the floor {floor:?}"),
-            "leave this run out",
-        );
-        return Ok((None, Some(told)));
-    }
-    Ok((Some(run), None))
+    Ok(Ok(run))
 }
 
 pub fn invalid(
