@@ -75,6 +75,7 @@ pub const RULES: &[Rule] = &[
     rule("GET", "/api/v1/models", PEOPLE),
     rule("POST", "/api/v1/models/compare", PEOPLE),
     rule("GET", "/api/v1/models/{id}", PEOPLE),
+    rule("GET", "/api/v1/models/{id}/model.json", PEOPLE),
     rule("GET", "/api/v1/models/{id}/onnx", PEOPLE),
     rule("POST", "/api/v1/diagnoses", PEOPLE),
     rule("GET", "/api/v1/diagnoses", PEOPLE),

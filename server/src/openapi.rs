@@ -20,7 +20,7 @@ use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityScheme};
         experiments::submit, experiments::list, experiments::show,
         runs::list, runs::show, runs::cancel, live::live, events::events, archives::archive, archives::file,
         robots::list, arenas::list,
-        models::list, models::show, models::onnx, models::of_robot, models::choose, models::gaps, models::set_references,
+        models::list, models::show, models::document, models::onnx, models::of_robot, models::choose, models::gaps, models::set_references,
         comparison::compare,
         diagnoses::submit, diagnoses::list, diagnoses::show, diagnoses::report, diagnoses::page,
         diagnoses::cancel, diagnoses::accept, diagnoses::next_experiment,

@@ -37,6 +37,7 @@ pub fn router(state: AppState) -> Router {
         .route("/api/v1/models", get(models::list))
         .route("/api/v1/models/compare", post(comparison::compare))
         .route("/api/v1/models/{id}", get(models::show))
+        .route("/api/v1/models/{id}/model.json", get(models::document))
         .route("/api/v1/models/{id}/onnx", get(models::onnx))
         .route("/api/v1/diagnoses", post(diagnoses::submit).get(diagnoses::list))
         .route("/api/v1/diagnoses/{id}", get(diagnoses::show))

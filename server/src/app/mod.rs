@@ -2,6 +2,7 @@
 
 pub mod archives;
 pub mod comparison;
+pub mod contents;
 pub mod diagnoses;
 pub mod drift;
 pub mod error;

@@ -1,5 +1,6 @@
 //! Model versions, which one a robot's twin uses, and the runs that count as references.
 
+use super::contents;
 use super::drift;
 use super::error::AppError;
 use super::runs::owner_filter;
@@ -29,14 +30,20 @@ pub async fn list(
     models.retain(|model| {
         robot.is_none_or(|robot| model.robot == robot) && floor.is_none_or(|floor| model.floor == floor)
     });
-    Ok(models)
+    Ok(models.into_iter().map(contents::described).collect())
 }
 
 pub async fn get(store: &Store, id: Uuid) -> Result<ModelView, AppError> {
-    store
-        .model_get(id)
-        .await?
-        .ok_or_else(|| AppError::not_found("model", id))
+    let found = store.model_get(id).await?;
+    let found = found.ok_or_else(|| AppError::not_found("model", id))?;
+    Ok(contents::described(found))
+}
+
+/// The document of a version as a file: its name and its text.
+pub async fn document(store: &Store, id: Uuid) -> Result<(String, String), AppError> {
+    let model = get(store, id).await?;
+    let text = serde_json::to_string_pretty(&model.document).map_err(|error| AppError::Internal(error.to_string()))?;
+    Ok((format!("{}.json", model.version.replace('/', "-")), text))
 }
 
 /// The residual of a version as an ONNX file: its name and its bytes.
