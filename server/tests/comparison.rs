@@ -116,16 +116,7 @@ async fn what_cannot_be_compared_is_refused_with_field_limit_and_remedy() {
         seed: 4,
     };
     let run = done_run(&service.store, &service.folder, &recipe).await;
-    let mut two_wheels = description(ROBOT);
-    two_wheels.wheels.truncate(2);
-    let other_kind = {
-        two_wheels.chassis = "diff2".to_owned();
-        two_wheels.name = "diff-01".to_owned();
-        let document = ModelDocument::new(None, two_wheels, "lab-floor", Vec::new(), json!({}));
-        let document = serde_json::to_value(document).expect("JSON");
-        let stored = service.store.model_put("diff-01", "lab-floor", None, &document).await;
-        stored.expect("stored")
-    };
+    let other_kind = version(&service, description("diff-01"), "lab-floor", 0.04).await;
     let queued = service.queued_run().await;
     let nobody = Uuid::now_v7();
     let body =
@@ -135,11 +126,7 @@ async fn what_cannot_be_compared_is_refused_with_field_limit_and_remedy() {
         (body("diff-01", run, "nominal"), "run", "not of diff-01"),
         (body("omni-01", queued, "nominal"), "run", "`queued`"),
         (body(ROBOT, run, "omni-03/9"), "first", "there is no model"),
-        (
-            body(ROBOT, run, &other_kind.to_string()),
-            "first",
-            "another kind of robot",
-        ),
+        (body(ROBOT, run, &other_kind), "first", "another kind of robot"),
     ];
     for (body, field, word) in cases {
         let response = compare(&service, &body).await;
