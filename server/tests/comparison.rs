@@ -150,7 +150,12 @@ async fn what_cannot_be_compared_is_refused_with_field_limit_and_remedy() {
     let short: Value = compare(&service, &short).await.json().await.expect("JSON");
     assert_eq!((&short["nearer"], &short["ratio"]), (&json!("unknown"), &Value::Null));
     // The records of another person's run are nobody else's.
-    let hidden = service.as_role(store::Role::User, Method::POST, "/models/compare");
+    let mallory = service
+        .store
+        .token_create(store::Role::User, "mallory")
+        .await
+        .expect("token");
+    let hidden = service.call(Method::POST, "/models/compare").bearer_auth(mallory);
     let hidden = hidden.json(&body(ROBOT, run, "nominal")).send().await.expect("answer");
     assert_eq!(
         problem(hidden).await["errors"][0]["message"],

@@ -111,7 +111,7 @@ fn the_lineage_stands_newest_first_with_parents_and_what_each_contains() {
     assert_eq!(parents, [Some(2), Some(2), Some(3), None]);
     let in_use: Vec<bool> = rows.iter().map(|row| row.in_use).collect();
     assert_eq!(in_use, [false, true, false, false]);
-    assert_eq!(rows[0].made, "5 min ago, learned during a run");
+    assert_eq!(rows[0].made, "5 min ago, learned during a run, for moon");
     assert_eq!(rows[2].made, "5 min ago, by a diagnosis");
     assert_eq!(
         data::headline(&state),

@@ -159,13 +159,14 @@ fn plot(ui: &mut Ui, view: &ComparisonView, palette: &Palette) {
 
 fn table(ui: &mut Ui, view: &ComparisonView, palette: &Palette) {
     parts::card(ui, palette, |ui| {
-        ui.label(RichText::new("Prediction error (RMS), the clearly smaller one in bold").strong());
+        ui.label(RichText::new("Prediction error (RMS); green: smaller by more than a tenth").strong());
+        ui.spacing_mut().interact_size.y = 18.0;
         Grid::new("models errors")
             .num_columns(4)
+            .min_row_height(18.0)
             .min_col_width(90.0)
             .spacing(vec2(28.0, 4.0))
             .show(ui, |ui| {
-                ui.spacing_mut().interact_size.y = 18.0;
                 let titles = ["Quantity", "Ahead", &view.first.version, &view.second.version];
                 for title in titles {
                     let text = RichText::new(title).text_style(egui::TextStyle::Small);
@@ -178,7 +179,7 @@ fn table(ui: &mut Ui, view: &ComparisonView, palette: &Palette) {
                     for (place, text) in row.texts.into_iter().enumerate() {
                         let text = RichText::new(text);
                         ui.label(if row.smaller == Some(place) {
-                            text.strong()
+                            text.color(palette.good)
                         } else {
                             text
                         });

@@ -31,6 +31,19 @@ pub fn rows(state: &State) -> Option<Vec<VersionRow>> {
     let lit = update::shown(models);
     let in_use = models.current.as_ref().map(|current| current.model);
     let nominal = versions.len();
+    let here = models.current.as_ref().map(|current| &current.floor);
+    let made = |one: &ModelView| {
+        let floor = if here.is_some_and(|here| *here != one.floor) {
+            format!(", for {}", one.floor)
+        } else {
+            String::new()
+        };
+        format!(
+            "{}, {}{floor}",
+            theme::relative(one.created_at, state.clock.utc),
+            origin(one)
+        )
+    };
     let place = |name: &str| versions.iter().position(|one| one.version == name);
     let mut rows: Vec<VersionRow> = versions
         .iter()
@@ -38,7 +51,7 @@ pub fn rows(state: &State) -> Option<Vec<VersionRow>> {
             shown: Shown::Version(one.id),
             name: one.version.clone(),
             in_use: in_use == Some(Some(one.id)),
-            made: format!("{}, {}", theme::relative(one.created_at, state.clock.utc), origin(one)),
+            made: made(one),
             contents: sentence_case(&contents(one)),
             lit: lit == Shown::Version(one.id),
             parent: one.parent.as_deref().map_or(Some(nominal), place),
@@ -180,7 +193,7 @@ pub fn facts(state: &State, version: &ModelView) -> Vec<(String, String)> {
             || "not measured on runs that were kept back".to_owned(),
             |gap| {
                 format!(
-                    "{} \u{2192} {} from the measured position {:.1} s ahead, on data that did not make it",
+                    "{} \u{2192} {} from the measured position {} s ahead, on data that did not make it",
                     millimetres(gap.before_m),
                     millimetres(gap.after_m),
                     gap.horizon_s
@@ -297,12 +310,14 @@ pub fn errors(view: &ComparisonView) -> Vec<ErrorRow> {
 pub fn ratio_sentence(view: &ComparisonView) -> Option<String> {
     let ratio = view.ratio?;
     let (first, second) = (&view.first.version, &view.second.version);
-    let meaning = match view.nearer {
-        NearerModel::Alike => "an interval that holds 1 means that chance may have made the difference",
-        _ => "below 1 speaks for the one named first here",
+    let chance = match view.nearer {
+        NearerModel::Alike if ratio.low <= 1.0 && ratio.high >= 1.0 => {
+            "; 1 lies between these, so chance may have made the difference"
+        }
+        _ => "",
     };
     Some(format!(
-        "Position gap 2 s ahead of {second} over that of {first}: {:.2} (95 % between {:.2} and {:.2}; {meaning}).",
+        "2 s ahead {second} is {:.2} times as far off as {first}; over other stretches like these, 95 % between {:.2} and {:.2} times{chance}.",
         ratio.value, ratio.low, ratio.high
     ))
 }

@@ -14,7 +14,7 @@ use egui::{
 };
 
 const SIDE_WIDTH: f32 = 450.0;
-const ROW_HEIGHT: f32 = 62.0;
+const ROW_HEIGHT: f32 = 56.0;
 /// Room for the lines of descent at the left of the rows.
 const RAIL_WIDTH: f32 = 34.0;
 /// Distance of the line of a version that does not stand above its parent.
@@ -152,27 +152,32 @@ fn version_row(ui: &mut Ui, row: &data::VersionRow, output: &mut Output, palette
     let show = Command::Models(ModelsCommand::Show(row.shown));
     output.on_click(format!("models.row.{}", row.name), &response, show);
     response.on_hover_text(&row.contents);
-    let inner = egui::UiBuilder::new().max_rect(card.shrink2(vec2(12.0, 6.0)));
-    ui.scope_builder(inner.layout(Layout::top_down(Align::Min)), |ui| {
-        ui.spacing_mut().item_spacing.y = 2.0;
-        ui.spacing_mut().interact_size.y = 18.0;
-        ui.horizontal(|ui| {
-            ui.add(Label::new(RichText::new(&row.name).strong()).selectable(false));
-            if row.in_use {
-                parts::pill(ui, palette, "in use", Tone::Good);
-            }
-            let made = RichText::new(&row.made)
-                .text_style(egui::TextStyle::Small)
-                .color(palette.faint_ink);
-            ui.add(Label::new(made).selectable(false).truncate());
-        });
-        let text = RichText::new(&row.contents).size(13.0).color(palette.faint_ink);
-        ui.add(Label::new(text).selectable(false).truncate());
+    // A child, not a scope: what stands in the card must not decide where the next one begins.
+    let inside = egui::UiBuilder::new().max_rect(card.shrink2(vec2(12.0, 6.0)));
+    let mut ui = ui.new_child(inside.layout(Layout::top_down(Align::Min)));
+    ui.spacing_mut().item_spacing.y = 2.0;
+    ui.spacing_mut().interact_size.y = 18.0;
+    ui.horizontal(|ui| {
+        ui.add(Label::new(RichText::new(&row.name).strong()).selectable(false));
+        if row.in_use {
+            parts::pill(ui, palette, "in use", Tone::Good);
+        }
+        let made = RichText::new(&row.made)
+            .text_style(egui::TextStyle::Small)
+            .color(palette.faint_ink);
+        ui.add(Label::new(made).selectable(false).truncate());
     });
+    let text = RichText::new(&row.contents).size(13.0).color(palette.faint_ink);
+    ui.add(Label::new(text).selectable(false).truncate());
     rect
 }
 
 fn centre(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) {
+    if state.models.robot.is_none() && state.lab.robots.as_ref().is_some_and(Vec::is_empty) {
+        let text = "Versions belong to robots, and no laboratory has registered any with the server yet.";
+        parts::empty(ui, palette, "No robots", text, None);
+        return;
+    }
     let Some(versions) = &state.models.versions else {
         parts::empty(
             ui,
