@@ -4,6 +4,7 @@
 //! in documents that people write (experiments, robot descriptions, laboratory descriptions).
 
 pub mod arena;
+pub mod comparison;
 pub mod diagnosis;
 pub mod docks;
 pub mod experiment;

@@ -23,9 +23,59 @@ pub struct ModelView {
     #[serde(default)]
     pub is_current: bool,
     pub created_at: DateTime<Utc>,
+    /// Its effects with the units that the document leaves out, in the order in which they act.
+    #[serde(default)]
+    pub effects: Vec<ModelEffect>,
+    /// Learned residual; absent where the version carries none.
+    #[serde(default)]
+    pub residual: Option<ModelResidual>,
+    /// Position gap of the version that it was made from and its own, where they were measured when it was made.
+    #[serde(default)]
+    pub gap: Option<ModelGap>,
     /// `robopheus.model/1`.
     #[cfg_attr(feature = "openapi", schema(value_type = Object))]
     pub document: serde_json::Value,
+}
+
+/// An effect of a version.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct ModelEffect {
+    /// As in the effect library, for example `floor_friction`.
+    pub name: String,
+    /// Position of the wheel, for effects of one wheel.
+    pub index: Option<usize>,
+    pub parameters: Vec<ModelParameter>,
+}
+
+/// A number of an effect.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct ModelParameter {
+    pub name: String,
+    /// Absent: a limit that is not there.
+    pub value: Option<f64>,
+    /// `1` for ratios, empty where the library does not know the parameter.
+    pub unit: String,
+}
+
+/// What a learned residual reads and says.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct ModelResidual {
+    pub inputs: Vec<String>,
+    pub outputs: Vec<String>,
+    /// Numbers that were learned.
+    pub weights: usize,
+}
+
+/// RMS position gap before and after, on data that did not make the version.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(utoipa::ToSchema))]
+pub struct ModelGap {
+    pub horizon_s: f64,
+    pub before_m: f64,
+    pub after_m: f64,
 }
 
 /// Body of `PUT /api/v1/robots/{robot}/model`.

@@ -74,6 +74,33 @@ pub fn parse(shown: String, files: Files) -> anyhow::Result<BundleFile> {
     })
 }
 
+/// Reads a robot's bundle from the files of a run.
+///
+/// - `shown`: what to call the run in messages.
+/// - `open`: the bytes of a file by its name in the archive, checked; `None` when the run has no such file.
+/// - Errors: words for a person, when the run holds no readable bundle of this robot.
+pub fn of_run(
+    shown: String,
+    robot: &str,
+    mut open: impl FnMut(&str) -> anyhow::Result<Option<Vec<u8>>>,
+) -> anyhow::Result<BundleFile> {
+    let mut file = |name: &str| open(&format!("robots/{robot}/{name}"));
+    let run = file("run.json")?.with_context(|| format!("{shown} holds no records of the robot {robot}"))?;
+    let (telemetry, is_parquet) = match file("telemetry.csv")? {
+        Some(csv) => (csv, false),
+        None => match file("telemetry.parquet")? {
+            Some(parquet) => (parquet, true),
+            None => bail!("{shown} holds no telemetry of the robot {robot}"),
+        },
+    };
+    let files = Files {
+        run,
+        telemetry,
+        is_parquet,
+    };
+    parse(shown, files)
+}
+
 fn from_folder(path: &Path, robot: Option<&str>) -> anyhow::Result<Files> {
     let robots = path.join("robots");
     let folder = if path.join("run.json").is_file() || !robots.is_dir() {

@@ -57,6 +57,8 @@ enum Command {
     Diagnose(commands::diagnose::Arguments),
     /// Diagnoses in the service: start, list, show, cancel, accept, revert, next
     Diagnoses(commands::diagnoses::Arguments),
+    /// Model versions in the service: list, fetch, compare, use
+    Models(commands::models::Arguments),
 }
 
 fn main() {
@@ -91,5 +93,6 @@ async fn run(arguments: Arguments, output: &Output) -> anyhow::Result<()> {
         Command::Simulate(a) => commands::simulate::run(&a, output),
         Command::Diagnose(a) => commands::diagnose::run(&a, output),
         Command::Diagnoses(a) => commands::diagnoses::run(a, &settings, output).await,
+        Command::Models(a) => commands::models::run(a, &settings, output).await,
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::ClientError;
 use api::arena::ArenaView;
+use api::comparison::{ComparisonRequest, ComparisonView};
 use api::diagnosis::{DiagnosisList, DiagnosisRequest, DiagnosisView};
 use api::experiment::{ExperimentView, SubmitRequest};
 use api::model::{ModelChoice, ModelView, RobotModel};
@@ -109,7 +110,11 @@ impl Client {
 
     /// - `name`: `report.json` or `report.html`.
     pub async fn diagnosis_file(&self, id: Uuid, name: &str) -> Result<Vec<u8>, ClientError> {
-        let builder = self.request(Method::GET, &format!("/diagnoses/{id}/{name}"));
+        self.file(&format!("/diagnoses/{id}/{name}")).await
+    }
+
+    async fn file(&self, path: &str) -> Result<Vec<u8>, ClientError> {
+        let builder = self.request(Method::GET, path);
         let response = self.send(builder.timeout(CALL_TIMEOUT)).await?;
         let url = response.url().to_string();
         let bytes = response.bytes().await;
@@ -118,9 +123,26 @@ impl Client {
             .to_vec())
     }
 
-    /// All model versions, newest first.
-    pub async fn model_list(&self) -> Result<Vec<ModelView>, ClientError> {
-        self.json(self.request(Method::GET, "/models")).await
+    /// Model versions, newest first; of one robot and floor when given.
+    pub async fn model_list(&self, robot: Option<&str>, floor: Option<&str>) -> Result<Vec<ModelView>, ClientError> {
+        let wanted = [("robot", robot), ("floor", floor)];
+        let query: Vec<String> = wanted
+            .into_iter()
+            .filter_map(|(name, value)| Some(format!("{name}={}", escaped(value?))))
+            .collect();
+        let path = format!("/models?{}", query.join("&"));
+        self.json(self.request(Method::GET, &path)).await
+    }
+
+    /// The learned residual of a version as an ONNX file.
+    pub async fn model_onnx(&self, id: Uuid) -> Result<Vec<u8>, ClientError> {
+        self.file(&format!("/models/{id}/onnx")).await
+    }
+
+    /// Which of two versions predicts a stored run better.
+    pub async fn model_compare(&self, request: &ComparisonRequest) -> Result<ComparisonView, ClientError> {
+        let builder = self.request(Method::POST, "/models/compare").json(request);
+        self.json(builder).await
     }
 
     /// Models of the robots that do not use the nominal twin.

@@ -8,7 +8,9 @@
 pub mod anchor;
 pub mod bundle;
 pub mod channel;
+pub mod compare;
 pub mod diagnose;
+pub mod errors;
 pub mod fit;
 pub mod floor;
 pub mod gap;

@@ -2,8 +2,8 @@
 
 use crate::access;
 use crate::http::{
-    archives, arenas, diagnoses, docs, events, experiments, headers, health, lab, lab_files, lab_stream, live, models,
-    pages, problem, robots, runs,
+    archives, arenas, comparison, diagnoses, docs, events, experiments, headers, health, lab, lab_files, lab_stream,
+    live, models, pages, problem, robots, runs,
 };
 use crate::state::AppState;
 use axum::Router;
@@ -35,7 +35,9 @@ pub fn router(state: AppState) -> Router {
         .route("/api/v1/robots/{robot}/gaps", get(models::gaps))
         .route("/api/v1/robots/{robot}/references", put(models::set_references))
         .route("/api/v1/models", get(models::list))
+        .route("/api/v1/models/compare", post(comparison::compare))
         .route("/api/v1/models/{id}", get(models::show))
+        .route("/api/v1/models/{id}/model.json", get(models::document))
         .route("/api/v1/models/{id}/onnx", get(models::onnx))
         .route("/api/v1/diagnoses", post(diagnoses::submit).get(diagnoses::list))
         .route("/api/v1/diagnoses/{id}", get(diagnoses::show))

@@ -12,6 +12,8 @@ use tokio_util::sync::CancellationToken;
 
 /// Open WebSockets and event streams of watchers, together.
 pub const WATCHERS_LIMIT: usize = 1024;
+/// Comparisons of models that are computed at the same time.
+pub const COMPARISONS_AT_ONCE: usize = 1;
 /// Name of the person at this machine.
 pub const LOCAL_USER: &str = "local";
 
@@ -29,6 +31,7 @@ struct Inner {
     own_hosts: Vec<String>,
     watchers: Arc<Semaphore>,
     archive_gate: Mutex<()>,
+    comparison_gate: Arc<Semaphore>,
     shutdown: CancellationToken,
 }
 
@@ -65,6 +68,7 @@ impl AppState {
             own_hosts,
             watchers: Arc::new(Semaphore::new(WATCHERS_LIMIT)),
             archive_gate: Mutex::new(()),
+            comparison_gate: Arc::new(Semaphore::new(COMPARISONS_AT_ONCE)),
             shutdown: parts.shutdown,
         }))
     }
@@ -111,6 +115,11 @@ impl AppState {
     /// Archives are built one at a time: building is disk and processor work only.
     pub fn archive_gate(&self) -> &Mutex<()> {
         &self.0.archive_gate
+    }
+
+    /// Places of comparisons of models: processor work that nobody else should have to wait for.
+    pub fn comparison_gate(&self) -> &Arc<Semaphore> {
+        &self.0.comparison_gate
     }
 
     /// Cancelled when the process is asked to end.

@@ -4,7 +4,8 @@ use crate::LIST_LIMIT;
 use crate::connect::Store;
 use crate::error::{Result, StoreError};
 use crate::outcome::DiagnosisRecord;
-use api::model::{ModelUse, ModelView, RobotModel};
+use crate::run_gap::GAP_HORIZON_S;
+use api::model::{ModelGap, ModelUse, ModelView, RobotModel};
 use chrono::{DateTime, Utc};
 use sqlx::PgConnection;
 use uuid::Uuid;
@@ -23,6 +24,9 @@ struct ModelRow {
     is_current: bool,
     created_at: DateTime<Utc>,
     document: String,
+    /// Of the diagnosis that made it: before and after, positions two seconds ahead.
+    gap_before_m: Option<f64>,
+    gap_after_m: Option<f64>,
 }
 
 #[derive(sqlx::FromRow)]
@@ -46,6 +50,16 @@ impl ModelRow {
             diagnosis: self.diagnosis,
             is_current: self.is_current,
             created_at: self.created_at,
+            effects: Vec::new(),
+            residual: None,
+            gap: self
+                .gap_before_m
+                .zip(self.gap_after_m)
+                .map(|(before_m, after_m)| ModelGap {
+                    horizon_s: GAP_HORIZON_S,
+                    before_m,
+                    after_m,
+                }),
         })
     }
 }
@@ -54,9 +68,11 @@ macro_rules! model_select {
     ($tail:literal) => {
         concat!(
             "SELECT m.id, m.version, m.robot, m.floor, p.version AS parent, m.created_at, m.document::text AS document,
-                (SELECT d.id FROM diagnoses d WHERE d.model_id = m.id ORDER BY d.created_at LIMIT 1) AS diagnosis,
+                d.id AS diagnosis, (g.gap->>'before')::double precision AS gap_before_m, (g.gap->>'after')::double precision AS gap_after_m,
                 coalesce(current_model(m.robot, m.floor) = m.id, false) AS is_current
-             FROM models m LEFT JOIN models p ON p.id = m.parent ",
+             FROM models m LEFT JOIN models p ON p.id = m.parent
+             LEFT JOIN LATERAL (SELECT d.id, d.report FROM diagnoses d WHERE d.model_id = m.id ORDER BY d.created_at LIMIT 1) d ON true
+             LEFT JOIN LATERAL (SELECT jsonb_path_query_first(d.report::jsonb, '$.gap[*] ? (@.channel == \"pose\" && @.horizon_s == 2)') AS gap) g ON true ",
             $tail
         )
     };

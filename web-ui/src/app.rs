@@ -136,7 +136,15 @@ fn keys(context: &Context, page: Page) -> Vec<Command> {
     if context.text_edit_focused() || context.egui_wants_keyboard_input() {
         return commands;
     }
-    let digits = [Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num5, Key::Num6];
+    let digits = [
+        Key::Num1,
+        Key::Num2,
+        Key::Num3,
+        Key::Num4,
+        Key::Num5,
+        Key::Num6,
+        Key::Num7,
+    ];
     for (key, page) in digits.into_iter().zip(Page::ALL) {
         if context.input_mut(|i| i.consume_key(Modifiers::NONE, key)) {
             commands.push(Command::ShowPage(page));

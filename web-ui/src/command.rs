@@ -3,7 +3,7 @@
 //! Pages send [`Command`]s; `update/` turns commands and [`Event`]s into new state and [`Effect`]s;
 //! the platform carries effects out and reports back with events.
 
-use crate::state::{Page, RobotIndex, TargetIndex, Template};
+use crate::state::{Page, RobotIndex, Shown, TargetIndex, Template};
 use api::experiment::Mode;
 use api::verdict::{Replay, Verdict};
 use uuid::Uuid;
@@ -61,6 +61,19 @@ pub enum Command {
         file_name: String,
     },
     Gap(GapCommand),
+    Models(ModelsCommand),
+}
+
+/// What a person did on the Models page.
+#[derive(Debug, Clone, PartialEq)]
+pub enum ModelsCommand {
+    ChooseRobot(String),
+    Show(Shown),
+    /// Make what is shown the robot's current model.
+    Use,
+    CompareWith(Shown),
+    OnRun(Uuid),
+    Compare,
 }
 
 /// What a person did on the Gap page.
@@ -147,6 +160,9 @@ pub enum Request {
     Diagnosis(Uuid, &'static str),
     ChooseModel(String),
     KeepReferences(String),
+    /// All versions of a robot.
+    Versions(String),
+    Compare,
 }
 
 /// How a REST call ended. `Err` holds the words of the browser when no answer came at all.

@@ -2,7 +2,7 @@
 //!
 //! Refreshed each frame; see the crate's documentation for the names of the widgets.
 
-use crate::state::{ReportState, State, TwinStatus};
+use crate::state::{ComparisonState, ReportState, State, TwinStatus};
 use serde::Serialize;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -32,6 +32,7 @@ pub struct Summary {
     pub live: LiveSummary,
     pub run: RunSummary,
     pub gap: GapSummary,
+    pub models: ModelsSummary,
     pub toasts: Vec<String>,
     pub server_reachable: Option<bool>,
     pub last_error: Option<String>,
@@ -104,6 +105,20 @@ pub struct GapSummary {
     pub kept_back: usize,
 }
 
+#[derive(Debug, Default, Serialize)]
+pub struct ModelsSummary {
+    pub robot: Option<String>,
+    /// Newest first.
+    pub versions: Vec<String>,
+    /// Once the server has told; the inner one is absent for the nominal twin.
+    pub in_use: Option<Option<String>>,
+    /// Title of what is shown.
+    pub shown: String,
+    /// Of the comparison that is shown.
+    pub sentence: Option<String>,
+    pub compared: Option<[String; 2]>,
+}
+
 /// The part of the state that tests look at.
 pub fn summary(state: &State) -> Summary {
     let compose = &state.compose;
@@ -141,9 +156,31 @@ pub fn summary(state: &State) -> Summary {
             playback_s: state.run.playback.time_s,
         },
         gap: gap(state),
+        models: models(state),
         toasts: state.toasts.iter().map(|t| t.text.clone()).collect(),
         server_reachable: state.service.reachable,
         last_error: state.last_error.clone(),
+    }
+}
+
+fn models(state: &State) -> ModelsSummary {
+    let models = &state.models;
+    let view = match &models.comparison {
+        ComparisonState::Here(view) => Some(view),
+        _ => None,
+    };
+    ModelsSummary {
+        robot: models.robot.clone(),
+        versions: models
+            .versions
+            .iter()
+            .flatten()
+            .map(|one| one.version.clone())
+            .collect(),
+        in_use: models.current.as_ref().map(|current| current.version.clone()),
+        shown: crate::pages::models::data::headline(state).0,
+        sentence: view.map(|view| view.sentence.clone()),
+        compared: view.map(|view| [view.first.version.clone(), view.second.version.clone()]),
     }
 }
 

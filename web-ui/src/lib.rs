@@ -8,7 +8,7 @@
 //! `window.__robopheus.inspect()` returns `{page, widgets, state}` of the newest frame; `widgets` maps a name to
 //! `{x, y, w, h, enabled}` in CSS pixels. Only what is on the screen now is listed. Names:
 //!
-//! * everywhere: `nav.compose`, `nav.queue`, `nav.live`, `nav.run`, `nav.robots`, `nav.theme`, `toast.<n>.close`
+//! * everywhere: `nav.compose`, `nav.queue`, `nav.live`, `nav.run`, `nav.robots`, `nav.gap`, `nav.models`, `nav.theme`, `toast.<n>.close`
 //! * Compose: `compose.template.rectangle-omni4`, `compose.template.rectangle-diff2`, `compose.template.swap-corners`,
 //!   `compose.label`, `compose.duration`, `compose.seed`, `compose.parameter.<key>`, `compose.parameters.reset`,
 //!   `compose.json` (opens the document), `compose.json.copy`, `compose.arena` (the floor),
@@ -22,6 +22,8 @@
 //! * Gap: `gap.robot.<name>`, `gap.run.<run id>.same`, `gap.run.<run id>.changed`, `gap.run.<run id>.locked`, `gap.keep`, `gap.start`, `gap.new`,
 //!   `gap.row.<diagnosis id>`, `gap.cancel`, `gap.accept`, `gap.revert`, `gap.back`, `gap.drift`, `gap.follow`, `gap.next`, `gap.next.run`, `gap.page`,
 //!   `gap.floor`, `gap.elsewhere`
+//! * Models: `models.robot.<name>`, `models.row.<version>` (`models.row.Nominal twin`), `models.use`, `models.download.json`, `models.download.onnx`,
+//!   `models.other.<version>`, `models.run.<run id>`, `models.compare`, `models.result`, `models.refusal`, `models.drift`, `models.elsewhere`
 
 #[cfg(target_arch = "wasm32")]
 pub mod app;

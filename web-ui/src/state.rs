@@ -3,6 +3,7 @@
 use crate::command::Request;
 use crate::report::Report;
 use api::arena::{Arena, ArenaView};
+use api::comparison::ComparisonView;
 use api::diagnosis::DiagnosisView;
 use api::experiment::Experiment;
 use api::lab::LabDescription;
@@ -29,17 +30,19 @@ pub enum Page {
     Run,
     Robots,
     Gap,
+    Models,
 }
 
 impl Page {
-    /// In the order of the keys 1 to 6.
-    pub const ALL: [Self; 6] = [
+    /// In the order of the keys 1 to 7.
+    pub const ALL: [Self; 7] = [
         Self::Compose,
         Self::Queue,
         Self::Live,
         Self::Run,
         Self::Robots,
         Self::Gap,
+        Self::Models,
     ];
 
     pub const fn name(self) -> &'static str {
@@ -50,6 +53,7 @@ impl Page {
             Self::Run => "run",
             Self::Robots => "robots",
             Self::Gap => "gap",
+            Self::Models => "models",
         }
     }
 
@@ -61,6 +65,7 @@ impl Page {
             Self::Run => "Run",
             Self::Robots => "Robots",
             Self::Gap => "Gap",
+            Self::Models => "Models",
         }
     }
 }
@@ -135,6 +140,7 @@ pub struct State {
     pub live: Live,
     pub run: Run,
     pub gap: Gap,
+    pub models: Models,
     pub toasts: VecDeque<Toast>,
     pub next_toast: u64,
     /// The last message that was shown as an error.
@@ -371,6 +377,40 @@ impl Gap {
     }
 }
 
+/// The Models page: versions of a robot, and two of them on a run.
+#[derive(Debug, Clone, Default)]
+pub struct Models {
+    pub robot: Option<String>,
+    /// Of the robot, on all floors, newest first; `None` until the server answered.
+    pub versions: Option<Vec<ModelView>>,
+    pub current: Option<RobotModel>,
+    /// Finished runs of the robot; `None` until the server answered.
+    pub gaps: Option<RobotGaps>,
+    /// The version that is shown; none: what is in use.
+    pub selected: Option<Shown>,
+    /// What it is compared with; none: the version that it was made from.
+    pub other: Option<Shown>,
+    /// The run of the comparison; none: the newest one.
+    pub run: Option<Uuid>,
+    pub comparison: ComparisonState,
+}
+
+/// A version, or the nominal twin.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Shown {
+    Nominal,
+    Version(Uuid),
+}
+
+#[derive(Debug, Clone, Default, PartialEq)]
+pub enum ComparisonState {
+    #[default]
+    Ready,
+    Asking,
+    Refused(Refusal),
+    Here(Box<ComparisonView>),
+}
+
 /// The report of the diagnosis that is shown, on its way from the server.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub enum ReportState {
@@ -424,6 +464,7 @@ impl State {
             live: Live::default(),
             run: Run::default(),
             gap: Gap::default(),
+            models: Models::default(),
             toasts: VecDeque::new(),
             next_toast: 0,
             last_error: None,

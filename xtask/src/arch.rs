@@ -50,7 +50,11 @@ const EDGES: &[(&str, &[&str])] = &[
         "scheduler",
         &["api", "bundles", "control", "identify", "sandbox", "store", "twin"],
     ),
-    ("server", &["api", "control", "learn", "store", "twin"]),
+    // Bundles and identify: two models on a stored run while a person waits.
+    (
+        "server",
+        &["api", "bundles", "control", "identify", "learn", "store", "twin"],
+    ),
     ("sim-wasm", &["control", "controllers", "twin"]),
     ("store", &["api"]),
     ("system-tests", &["api"]),

@@ -6,6 +6,7 @@ pub mod diagnoses;
 pub mod fetch;
 pub mod import;
 pub mod login;
+pub mod models;
 pub mod runs;
 pub mod simulate;
 pub mod stop;

@@ -171,7 +171,7 @@ pub async fn laboratory_from_service(settings: &Settings, document: &Path) -> an
         .map(|view| view.robot);
     let mut models = client.models_current().await?;
     if let Some(named) = experiment.model.as_deref().filter(|model| *model != NOMINAL) {
-        let mut all = client.model_list().await?.into_iter();
+        let mut all = client.model_list(None, None).await?.into_iter();
         // One that does not exist is refused by the service, which lists those that do.
         if let Some(model) = all.find(|model| model.version == named || model.id.to_string() == named) {
             models.retain(|other| other.robot != model.robot);

@@ -1,10 +1,11 @@
 //! Gap of locked runs before and after, by channel and horizon.
 
+use crate::errors::{Errors, POSE, Sample, add_poses, add_windows, rms};
 use crate::floor::{ClassNoise, Floor};
-use crate::gap::{CLOSE_ANCHOR_PERIOD_S, GapSample, HORIZONS_S, RUN_IN_S, RobotClock, end_to_end_with};
+use crate::gap::{CLOSE_ANCHOR_PERIOD_S, HORIZONS_S, RobotClock, end_to_end_with};
 use crate::hypothesis::Hypothesis;
 use crate::random::Random;
-use crate::record::{CHANNELS, CLASSES, Quantity, Record, Stages, UNITS, residuals};
+use crate::record::{CHANNELS, Record, UNITS};
 use crate::report::schema::{Gap, rounded};
 use crate::select::Role;
 
@@ -12,22 +13,6 @@ use super::Case;
 
 /// Bootstrap replicates of an interval.
 const REPLICATES: usize = 300;
-/// Class of the pose; that of the yaw follows, those before are compared in windows.
-const POSE: usize = 6;
-/// Horizons of channels that are compared in windows.
-const WINDOW_HORIZONS_S: [f64; 3] = [0.5, 1.0, 2.0];
-
-/// An error, and how large it is to be expected where nothing is changed.
-#[derive(Debug, Clone, Copy)]
-struct Sample {
-    square: f64,
-    /// Of a window: variance by the floor's noise. Of an anchor: square of the harshness, (rad/s)^2.
-    expected: f64,
-}
-
-/// Errors by (class, horizon): one entry an anchor or window, run after run.
-type Errors = Vec<((usize, usize), Vec<Sample>)>;
-
 /// The table and the mean explained fraction; both empty without locked runs.
 pub(super) fn gap_table(case: &Case, after: &Hypothesis) -> (Vec<Gap>, Option<f64>) {
     let given = case.input.locked.iter().map(|run| &run.bundle);
@@ -112,10 +97,6 @@ fn stated(floor: &Floor, class: usize) -> f64 {
     floor.noise.classes[class].level.sqrt()
 }
 
-fn rms(samples: &[Sample]) -> f64 {
-    (samples.iter().map(|sample| sample.square).sum::<f64>() / samples.len().max(1) as f64).sqrt()
-}
-
 fn rms_of(squares: &[f64]) -> f64 {
     (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
 }
@@ -134,43 +115,6 @@ fn interval(squares: &[f64], seed: u64) -> (f64, f64) {
     (values[REPLICATES / 40], values[REPLICATES - 1 - REPLICATES / 40])
 }
 
-fn push(errors: &mut Errors, key: (usize, usize), sample: Sample) {
-    match errors.iter_mut().find(|(other, _)| *other == key) {
-        Some((_, samples)) => samples.push(sample),
-        None => errors.push((key, vec![sample])),
-    }
-}
-
-/// How harshly the wheels were driven over the time of a run.
-struct Liveliness(Vec<(f64, f64)>);
-
-impl Liveliness {
-    fn of(record: &Record) -> Liveliness {
-        let places = record.places();
-        let lively = |wanted: &dyn Fn(Quantity) -> bool| -> Vec<(f64, f64)> {
-            let pairs = places.iter().zip(record.activities());
-            pairs
-                .filter(|(place, _)| place.quantity.is_some_and(wanted))
-                .map(|(place, activity)| (place.time_s, activity))
-                .collect()
-        };
-        let mut cells = lively(&|quantity| matches!(quantity, Quantity::Wheel(_)));
-        if cells.is_empty() {
-            cells = lively(&|quantity| quantity == Quantity::Gyro);
-        }
-        cells.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-        Liveliness(cells)
-    }
-
-    /// Square of the largest activity in a span.
-    fn squared(&self, from_s: f64, to_s: f64) -> f64 {
-        let begin = self.0.partition_point(|cell| cell.0 < from_s);
-        let end = self.0.partition_point(|cell| cell.0 <= to_s);
-        let largest = self.0[begin..end].iter().fold(0.0_f64, |most, cell| most.max(cell.1));
-        largest * largest
-    }
-}
-
 /// Errors of runs under a model, with what the floor expects of them. `bundles` and `records` are of the same runs.
 fn errors(floor: &Floor, bundles: &[&crate::bundle::Bundle], records: &[&Record], model: &Hypothesis) -> Errors {
     let mut errors: Errors = Vec::new();
@@ -180,72 +124,13 @@ fn errors(floor: &Floor, bundles: &[&crate::bundle::Bundle], records: &[&Record]
             let Ok(gap) = end_to_end_with(bundle, &robot, clock, CLOSE_ANCHOR_PERIOD_S) else {
                 continue;
             };
-            let liveliness = Liveliness::of(record);
-            for sample in &gap.samples {
-                add_pose(&mut errors, sample, &liveliness);
-            }
+            add_poses(&mut errors, record, &gap.samples);
         }
     }
     for record in records {
-        add_windows(&mut errors, floor, record, model);
+        add_windows(&mut errors, Some(&floor.noise), record, model);
     }
     errors
-}
-
-fn add_windows(errors: &mut Errors, floor: &Floor, record: &Record, model: &Hypothesis) {
-    let Some(residual) = residuals(record, model, Stages::BOTH, None) else {
-        return;
-    };
-    // Mean square of a window up to each horizon: sums of squares, of expected squares, and their number.
-    let mut sums = vec![[[[0.0; 3]; WINDOW_HORIZONS_S.len()]; CLASSES]; record.windows.len()];
-    for ((place, activity), value) in record.places().iter().zip(record.activities()).zip(&residual) {
-        let Some(class) = place
-            .quantity
-            .map(|quantity| quantity.class())
-            .filter(|class| *class < POSE)
-        else {
-            continue;
-        };
-        let noise = &floor.noise.classes[class];
-        let since_s = place.time_s - record.windows[place.window].from_s;
-        for (horizon, limit_s) in WINDOW_HORIZONS_S.iter().enumerate() {
-            let from_s = if horizon == 0 {
-                0.0
-            } else {
-                WINDOW_HORIZONS_S[horizon - 1]
-            };
-            if since_s >= from_s && since_s < *limit_s {
-                let [sum, expected, count] = &mut sums[place.window][class][horizon];
-                *sum += value * value;
-                *expected += noise.at(activity);
-                *count += 1.0;
-            }
-        }
-    }
-    for window in &sums {
-        for (class, horizons) in window.iter().enumerate() {
-            for (horizon, [sum, expected, count]) in horizons.iter().enumerate() {
-                if *count > 0.0 {
-                    let sample = Sample {
-                        square: sum / count,
-                        expected: expected / count,
-                    };
-                    push(errors, (class, horizon), sample);
-                }
-            }
-        }
-    }
-}
-
-fn add_pose(errors: &mut Errors, sample: &GapSample, liveliness: &Liveliness) {
-    let Some(horizon) = HORIZONS_S.iter().position(|h| *h == sample.horizon_s) else {
-        return;
-    };
-    let expected = liveliness.squared(sample.anchor_s - RUN_IN_S, sample.anchor_s + sample.horizon_s);
-    let square = sample.forward_m * sample.forward_m + sample.left_m * sample.left_m;
-    push(errors, (POSE, horizon), Sample { square, expected });
-    let square = sample.yaw_rad * sample.yaw_rad;
-    push(errors, (POSE + 1, horizon), Sample { square, expected });
 }
 
 #[cfg(test)]

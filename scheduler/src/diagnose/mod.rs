@@ -15,7 +15,7 @@ pub use threads::Threads;
 use crate::STOP_LIMIT;
 use crate::stop::Stop;
 use anyhow::{Context, ensure};
-use bundles::{BundleFile, Files};
+use bundles::BundleFile;
 use sha2::{Digest, Sha256};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -93,22 +93,10 @@ async fn bundle_of(store: &Store, objects: &Path, run: uuid::Uuid, robot: &str) 
 }
 
 fn read(objects: &Path, run: uuid::Uuid, robot: &str, files: &[FileRecord]) -> anyhow::Result<BundleFile> {
-    let find = |name: &str| {
-        let whole = format!("robots/{robot}/{name}");
-        files.iter().find(|file| file.name == whole)
-    };
-    let description = find("run.json").with_context(|| format!("run {run} holds no records of the robot {robot}"))?;
-    let (telemetry, is_parquet) = match (find("telemetry.csv"), find("telemetry.parquet")) {
-        (Some(csv), _) => (csv, false),
-        (None, Some(parquet)) => (parquet, true),
-        (None, None) => anyhow::bail!("run {run} holds no telemetry of the robot {robot}"),
-    };
-    let files = Files {
-        run: bytes_of(objects, description)?,
-        telemetry: bytes_of(objects, telemetry)?,
-        is_parquet,
-    };
-    bundles::parse(format!("run {run}"), files)
+    bundles::of_run(format!("run {run}"), robot, |name| {
+        let file = files.iter().find(|file| file.name == name);
+        file.map(|file| bytes_of(objects, file)).transpose()
+    })
 }
 
 fn bytes_of(objects: &Path, file: &FileRecord) -> anyhow::Result<Vec<u8>> {

@@ -160,11 +160,7 @@ async fn check_runs(
     for (role, runs) in roles(request) {
         for (place, run) in runs.iter().enumerate() {
             let field = format!("{role}[{place}]");
-            errors.extend(
-                run_problem(store, principal, &request.robot, floor, *run, field)
-                    .await?
-                    .1,
-            );
+            errors.extend(run_problem(store, principal, &request.robot, floor, *run, field).await?);
         }
     }
     refuse(errors)

@@ -1,6 +1,8 @@
 //! What the service does, without HTTP and without SQL.
 
 pub mod archives;
+pub mod comparison;
+pub mod contents;
 pub mod diagnoses;
 pub mod drift;
 pub mod error;

@@ -1,5 +1,6 @@
 //! Model versions, which one a robot's twin uses, and the runs that count as references.
 
+use super::contents;
 use super::drift;
 use super::error::AppError;
 use super::runs::owner_filter;
@@ -29,14 +30,20 @@ pub async fn list(
     models.retain(|model| {
         robot.is_none_or(|robot| model.robot == robot) && floor.is_none_or(|floor| model.floor == floor)
     });
-    Ok(models)
+    Ok(models.into_iter().map(contents::described).collect())
 }
 
 pub async fn get(store: &Store, id: Uuid) -> Result<ModelView, AppError> {
-    store
-        .model_get(id)
-        .await?
-        .ok_or_else(|| AppError::not_found("model", id))
+    let found = store.model_get(id).await?;
+    let found = found.ok_or_else(|| AppError::not_found("model", id))?;
+    Ok(contents::described(found))
+}
+
+/// The document of a version as a file: its name and its text.
+pub async fn document(store: &Store, id: Uuid) -> Result<(String, String), AppError> {
+    let model = get(store, id).await?;
+    let text = serde_json::to_string_pretty(&model.document).map_err(|error| AppError::Internal(error.to_string()))?;
+    Ok((format!("{}.json", model.version.replace('/', "-")), text))
 }
 
 /// The residual of a version as an ONNX file: its name and its bytes.
@@ -194,7 +201,7 @@ pub async fn set_references(
     let mut errors = Vec::new();
     for (place, run) in runs.iter().enumerate() {
         let field = format!("runs[{place}]");
-        errors.extend(run_problem(store, principal, robot, &floor, *run, field).await?.1);
+        errors.extend(run_problem(store, principal, robot, &floor, *run, field).await?);
     }
     if let Some(first) = errors.first() {
         return Err(AppError::Invalid {
@@ -216,7 +223,27 @@ pub async fn run_problem(
     floor: &str,
     id: Uuid,
     field: String,
-) -> Result<(Option<RunView>, Option<FieldProblem>), AppError> {
+) -> Result<Option<FieldProblem>, AppError> {
+    let run = match measured_run(store, principal, robot, id, field.clone()).await? {
+        Ok(run) => run,
+        Err(problem) => return Ok(Some(problem)),
+    };
+    Ok((run.experiment.floor != floor).then(|| FieldProblem {
+        field,
+        message: format!("the run {id} was on the floor {:?}", run.experiment.floor),
+        limit: format!("runs on the floor {floor:?}"),
+        remedy: "leave this run out".to_owned(),
+    }))
+}
+
+/// A run on any floor in which this robot was measured, or what is wrong with it.
+pub async fn measured_run(
+    store: &Store,
+    principal: &Principal,
+    robot: &str,
+    id: Uuid,
+    field: String,
+) -> Result<Result<RunView, FieldProblem>, AppError> {
     let run = store
         .run_get(id)
         .await?
@@ -233,7 +260,7 @@ pub async fn run_problem(
             "ids of runs of this robot that are done",
             "take the ids from the list of runs",
         );
-        return Ok((None, Some(told)));
+        return Ok(Err(told));
     };
     if !run.experiment.robots.iter().any(|other| other.name == robot) {
         let names: Vec<_> = run.experiment.robots.iter().map(|other| other.name.as_str()).collect();
@@ -242,7 +269,7 @@ pub async fn run_problem(
             &format!("runs in which {robot} took part"),
             "leave this run out, or name its robot",
         );
-        return Ok((None, Some(told)));
+        return Ok(Err(told));
     }
     if run.experiment.mode == Mode::Virtual {
         let told = problem(
@@ -250,7 +277,7 @@ pub async fn run_problem(
             "runs of the modes `physical` and `interactive`",
             "leave this run out",
         );
-        return Ok((None, Some(told)));
+        return Ok(Err(told));
     }
     if run.state != RunState::Done {
         let told = problem(
@@ -258,17 +285,9 @@ pub async fn run_problem(
             "runs that are `done`",
             "wait until it is done, or leave it out",
         );
-        return Ok((None, Some(told)));
+        return Ok(Err(told));
     }
-    if run.experiment.floor != floor {
-        let told = problem(
-            format!("the run {id} was on the floor {:?}", run.experiment.floor),
-            &format!("runs on the floor {floor:?}"),
-            "leave this run out",
-        );
-        return Ok((None, Some(told)));
-    }
-    Ok((Some(run), None))
+    Ok(Ok(run))
 }
 
 pub fn invalid(

@@ -3,6 +3,7 @@
 pub mod archives;
 pub mod arenas;
 pub mod body;
+pub mod comparison;
 pub mod diagnoses;
 pub mod docs;
 pub mod events;

@@ -53,6 +53,19 @@ pub async fn show(State(state): State<AppState>, Id(id): Id) -> Result<Json<Mode
     Ok(Json(models::get(state.store(), id).await?))
 }
 
+/// The document of a version as a file (`robopheus.model/1`), for `robopheus simulate --model` and `diagnose --model`.
+#[utoipa::path(get, path = "/api/v1/models/{id}/model.json", tag = "models", params(("id" = Uuid, Path)),
+    responses((status = 200, content_type = "application/json", body = Object),
+        (status = 404, body = Problem, content_type = "application/problem+json")))]
+pub async fn document(State(state): State<AppState>, Id(id): Id) -> Result<impl IntoResponse, ApiError> {
+    let (name, text) = models::document(state.store(), id).await?;
+    let headers = [
+        (header::CONTENT_TYPE, "application/json".to_owned()),
+        (header::CONTENT_DISPOSITION, format!("attachment; filename=\"{name}\"")),
+    ];
+    Ok((headers, text))
+}
+
 /// The learned residual of a version as an ONNX file.
 #[utoipa::path(get, path = "/api/v1/models/{id}/onnx", tag = "models", params(("id" = Uuid, Path)),
     responses((status = 200, content_type = "application/octet-stream", body = Vec<u8>),

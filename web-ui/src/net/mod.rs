@@ -29,6 +29,8 @@ pub fn route(request: &Request) -> (&'static str, String) {
         Request::StartDiagnosis => ("POST", format!("{BASE_PATH}/diagnoses")),
         Request::Diagnosis(id, verb) => ("POST", format!("{BASE_PATH}/diagnoses/{id}/{verb}")),
         Request::ChooseModel(robot) => ("PUT", format!("{BASE_PATH}/robots/{}/model", escaped(robot))),
+        Request::Versions(robot) => ("GET", format!("{BASE_PATH}/models?robot={}", escaped(robot))),
+        Request::Compare => ("POST", format!("{BASE_PATH}/models/compare")),
         Request::KeepReferences(robot) => ("PUT", format!("{BASE_PATH}/robots/{}/references", escaped(robot))),
     }
 }
@@ -43,6 +45,15 @@ fn escaped(name: &str) -> String {
         }
         text
     })
+}
+
+/// Address of a version's document, and of its network.
+pub fn model_url(model: Uuid) -> String {
+    format!("{BASE_PATH}/models/{model}/model.json")
+}
+
+pub fn network_url(model: Uuid) -> String {
+    format!("{BASE_PATH}/models/{model}/onnx")
 }
 
 /// Address of a diagnosis' report as a page.

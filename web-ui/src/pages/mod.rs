@@ -3,6 +3,7 @@
 pub mod compose;
 pub mod gap;
 pub mod live;
+pub mod models;
 pub mod parts;
 pub mod queue;
 pub mod robots;
@@ -31,6 +32,7 @@ pub fn show(ui: &mut Ui, state: &State, output: &mut Output) {
         Page::Live => page(ui, &palette, |ui| live::ui::show(ui, state, output, &palette)),
         Page::Run => run::ui::show(ui, state, output, &palette),
         Page::Gap => gap::ui::show(ui, state, output, &palette),
+        Page::Models => models::ui::show(ui, state, output, &palette),
         Page::Robots => page(ui, &palette, |ui| robots::ui::show(ui, state, output, &palette)),
     }
     toasts(ui, state, output, &palette);

@@ -280,7 +280,10 @@ pub fn model_chosen(state: &mut State, robot: &str, answer: Answer) -> Vec<Effec
         Ok(model) => {
             let version = model.version.as_deref().unwrap_or("the nominal equations");
             super::note(state, format!("From now on the twin of {robot} uses {version}."));
-            state.gap.model = Some(model);
+            super::models::take_current(state, &model);
+            if state.gap.robot.as_deref() == Some(robot) {
+                state.gap.model = Some(model);
+            }
         }
         Err(refusal) => super::error(state, refusal.sentence),
     }
@@ -325,12 +328,17 @@ fn look_again(state: &mut State) {
     asked.retain(|request, _| {
         !matches!(
             request,
-            Request::Diagnoses | Request::Gaps(_) | Request::RobotModel(_) | Request::Models | Request::Runs
+            Request::Diagnoses
+                | Request::Gaps(_)
+                | Request::RobotModel(_)
+                | Request::Models
+                | Request::Runs
+                | Request::Versions(_)
         )
     });
 }
 
-fn send_body(state: &mut State, request: Request, body: &impl Serialize) -> Vec<Effect> {
+pub(super) fn send_body(state: &mut State, request: Request, body: &impl Serialize) -> Vec<Effect> {
     let mut effects = super::send(state, request);
     for effect in &mut effects {
         if let Effect::Send { body: text, .. } = effect {

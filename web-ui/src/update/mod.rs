@@ -3,12 +3,14 @@
 mod compose;
 mod gap;
 mod live;
+mod models;
 mod playback;
 mod polling;
 mod refusal;
 mod run;
 pub use compose::{DURATION_S, document_json, field_problems, submit_obstacle};
 pub use gap::start_obstacle;
+pub use models::{compare_obstacle, compared, run_of as compared_run, shown, use_obstacle};
 pub use playback::duration_s;
 pub use run::{REPLAY_FILE, TRACK_FILE};
 
@@ -59,6 +61,7 @@ pub fn command(state: &mut State, command: Command) -> Vec<Effect> {
         }
         Command::Download { url, file_name } => vec![Effect::Download { url, file_name }],
         Command::Gap(command) => gap::command(state, command),
+        Command::Models(command) => models::command(state, command),
         other => compose::command(state, other),
     }
 }
@@ -88,6 +91,7 @@ pub fn tick(state: &mut State, clock: Clock) -> Vec<Effect> {
     effects.extend(live::follow_active_run(state));
     run::choose_default(state);
     gap::choose_default(state);
+    models::choose_default(state);
     effects.extend(polling::due(state));
     effects
 }
@@ -96,6 +100,7 @@ fn show_page(state: &mut State, page: Page) -> Vec<Effect> {
     state.page = page;
     run::choose_default(state);
     gap::choose_default(state);
+    models::choose_default(state);
     vec![Effect::SetAddress(address(state))]
 }
 
@@ -143,6 +148,7 @@ fn take_answer(state: &mut State, request: Request, answer: Answer) -> Vec<Effec
         Request::Diagnosis(id, verb) => gap::verb_answered(state, id, verb, answer),
         Request::ChooseModel(robot) => gap::model_chosen(state, &robot, answer),
         Request::KeepReferences(_) => gap::references_kept(state, answer),
+        Request::Compare => models::compared_answered(state, answer),
         other => {
             polling::answered(state, other, answer);
             Vec::new()
@@ -192,3 +198,5 @@ fn push_toast(state: &mut State, text: String, error: bool) {
 mod tests;
 #[cfg(test)]
 mod tests_gap;
+#[cfg(test)]
+mod tests_models;

@@ -1,7 +1,7 @@
 //! Calls that repeat: what the server says about runs, robots and the arena.
 
 use super::refusal::decode;
-use super::{gap, run};
+use super::{gap, models, run};
 use crate::command::{Answer, Effect, Request};
 use crate::state::{Page, State};
 use api::arena::ArenaView;
@@ -31,6 +31,7 @@ pub fn due(state: &mut State) -> Vec<Effect> {
     wanted.push((Request::Models, LAB_EVERY_S));
     wanted.extend(run::wanted(state));
     wanted.extend(gap::wanted(state));
+    wanted.extend(models::wanted(state));
     let mut effects = Vec::new();
     for (request, every_s) in wanted {
         if is_due(state, &request, every_s) {
@@ -91,15 +92,19 @@ pub fn answered(state: &mut State, request: Request, answer: Answer) {
             Ok(models) => take_models(state, models),
             Err(refusal) => complain(state, "models", &refusal.sentence),
         },
-        Request::Gaps(_) | Request::RobotModel(_) | Request::Diagnoses | Request::Report(_) => {
+        Request::Gaps(_) | Request::RobotModel(_) => {
+            models::answered(state, request.clone(), answer.clone());
             gap::answered(state, request, answer);
         }
+        Request::Diagnoses | Request::Report(_) => gap::answered(state, request, answer),
+        Request::Versions(_) => models::answered(state, request, answer),
         Request::Submit
         | Request::Cancel(_)
         | Request::StartDiagnosis
         | Request::Diagnosis(..)
         | Request::ChooseModel(_)
-        | Request::KeepReferences(_) => {}
+        | Request::KeepReferences(_)
+        | Request::Compare => {}
     }
 }
 

@@ -207,11 +207,37 @@ fn with_refusal(strip: Strip, submission: &Submission) -> Strip {
     }
 }
 
-/// Which model versions the twin drives with; none when all robots are nominal.
+/// Which model version every robot's twin drives with; none before the server has told which are in use.
 pub fn models(state: &State) -> Option<String> {
-    let models = crate::scenario::models_of(&state.compose.experiment, &state.lab);
-    let versions: Vec<&str> = models.values().map(|model| model.version.as_str()).collect();
-    (!versions.is_empty()).then(|| format!("The twin drives with the model {}.", versions.join(", ")))
+    let experiment = &state.compose.experiment;
+    if let Some(named) = &experiment.model {
+        return Some(format!("Twins drive with the model that the document names: {named}."));
+    }
+    state.lab.models.as_ref()?;
+    let models = crate::scenario::models_of(experiment, &state.lab);
+    let learned: Vec<String> = experiment
+        .robots
+        .iter()
+        .filter_map(|robot| Some((robot, models.get(robot.name.as_str())?)))
+        .map(|(robot, model)| {
+            format!(
+                "twin of {}: version {}, made on {}",
+                robot.name, model.version, model.floor
+            )
+        })
+        .collect();
+    let nominal = experiment.robots.len() - learned.len();
+    let text = match (learned.is_empty(), nominal) {
+        (true, 1) => format!(
+            "twin of {}: nominal, no version is in use on {}",
+            experiment.robots[0].name, experiment.floor
+        ),
+        (true, _) => format!("all twins nominal: no version is in use on {}", experiment.floor),
+        (false, 0) => learned.join("; "),
+        (false, 1) => format!("{}; the other robot's twin is nominal", learned.join("; ")),
+        (false, many) => format!("{}; the other {many} twins are nominal", learned.join("; ")),
+    };
+    Some(crate::pages::words::full_stop(&text))
 }
 
 /// The twin's identity, for comparing with the server's.

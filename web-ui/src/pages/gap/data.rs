@@ -5,7 +5,7 @@ use crate::report::{Gap, Region, Report};
 use crate::state::State;
 use crate::theme::{self, Tone};
 use api::diagnosis::{DiagnosisOrigin, DiagnosisState, DiagnosisView};
-use api::model::RunGap;
+use api::model::{RobotGaps, RunGap};
 use std::collections::BTreeMap;
 use uuid::Uuid;
 
@@ -122,7 +122,11 @@ pub fn floor_sentence(state: &State) -> String {
 
 /// An alarm in words when the robot has moved away from its model.
 pub fn drift_sentence(state: &State) -> Option<String> {
-    let gaps = state.gap.gaps.as_ref()?;
+    drift_of(state.gap.gaps.as_ref()?)
+}
+
+/// The same of a robot's gaps.
+pub fn drift_of(gaps: &RobotGaps) -> Option<String> {
     let drift = gaps.drift?;
     let since = drift.since.map_or_else(String::new, |since| {
         format!(" since {}", since.format("%A, %-d %B %H:%M"))
@@ -231,7 +235,12 @@ pub fn gap_lines(report: &Report) -> Vec<(String, Vec<GapLine>)> {
 }
 
 fn gap_text(gap: &Gap, value: f64) -> String {
-    match gap.unit.as_str() {
+    error_text(&gap.unit, value)
+}
+
+/// An error with its unit, in two figures.
+pub fn error_text(unit: &str, value: f64) -> String {
+    match unit {
         "m" => millimetres(value),
         "rad" => format!("{:.1}\u{b0}", value.to_degrees()),
         unit => format!("{} {unit}", two_figures(value)),
