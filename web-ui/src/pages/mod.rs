@@ -3,6 +3,7 @@
 pub mod compose;
 pub mod gap;
 pub mod live;
+pub mod notes;
 pub mod parts;
 pub mod queue;
 pub mod robots;
