@@ -145,7 +145,7 @@ pub const WORDS: &[Word] = &[
         "x, but not below low and not above high",
     ),
     word(Of::Function, "wrap", "wrap(x)", "the angle between -PI and PI"),
-    word(Of::Function, "PI", "PI()", "3.14159..."),
+    word(Of::Function, "PI", "PI()", "the number pi, 3.14159"),
     word(
         Of::Now,
         "robots",

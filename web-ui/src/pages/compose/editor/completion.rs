@@ -3,6 +3,9 @@
 use super::highlight::{Token, tokens};
 use controllers::vocabulary::{Of, WORDS, Word};
 
+/// So many letters open the list by themselves: a single one is mostly a variable, and Enter a new line.
+const LETTERS_LEAST: usize = 2;
+
 /// Words for the place where the cursor is.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Suggestions {
@@ -30,7 +33,7 @@ pub fn suggestions(text: &str, cursor: usize, asked: bool) -> Option<Suggestions
         Some("now") => &[Of::Now],
         Some(name) if name.starts_with(|c: char| c.is_ascii_digit()) => return None,
         Some(_) => &[Of::Robot, Of::Target, Of::Collection],
-        None if begun.is_empty() && !asked => return None,
+        None if begun.len() < LETTERS_LEAST && !asked => return None,
         None => &[Of::Function, Of::Language],
     };
     let mut words: Vec<&Word> = Vec::new();
@@ -103,7 +106,7 @@ mod tests {
         assert!(names("now.").contains(&"time_s") && !names("now.").contains(&"x_m"));
         assert_eq!(names("robot.x"), ["x_m"]);
         assert_eq!(names("now.robot(0).yaw"), ["yaw_rad", "yaw_rate_rad_per_s"]);
-        for nothing in ["", "let ", "now.count", "0.", "0..", "// vel", "\"vel", "1vel", "zzz"] {
+        for nothing in ["", "v", "let ", "now.count", "0.", "0..", "// vel", "\"vel", "1vel", "zzz"] {
             assert_eq!(names(nothing), [""; 0], "{nothing}");
         }
         assert!(suggestions("", 0, true).is_some_and(|found| found.words.len() > 20));
@@ -112,7 +115,7 @@ mod tests {
     #[test]
     fn a_word_takes_the_place_of_the_begun_one_and_brings_its_bracket() {
         let done = |text: &str, cursor: usize, name: &str| {
-            let found = suggestions(text, cursor, false).expect("suggestions");
+            let found = suggestions(text, cursor, true).expect("suggestions");
             let word = *found.words.iter().find(|word| word.name == name).expect("the word");
             complete(text, cursor, &found, word)
         };
