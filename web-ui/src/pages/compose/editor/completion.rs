@@ -106,7 +106,18 @@ mod tests {
         assert!(names("now.").contains(&"time_s") && !names("now.").contains(&"x_m"));
         assert_eq!(names("robot.x"), ["x_m"]);
         assert_eq!(names("now.robot(0).yaw"), ["yaw_rad", "yaw_rate_rad_per_s"]);
-        for nothing in ["", "v", "let ", "now.count", "0.", "0..", "// vel", "\"vel", "1vel", "zzz"] {
+        for nothing in [
+            "",
+            "v",
+            "let ",
+            "now.count",
+            "0.",
+            "0..",
+            "// vel",
+            "\"vel",
+            "1vel",
+            "zzz",
+        ] {
             assert_eq!(names(nothing), [""; 0], "{nothing}");
         }
         assert!(suggestions("", 0, true).is_some_and(|found| found.words.len() > 20));
