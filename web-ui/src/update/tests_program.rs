@@ -220,6 +220,10 @@ fn numbers_are_handed_over_by_plain_names() {
 #[test]
 fn a_fault_that_is_not_the_programs_marks_nothing() {
     let mut state = writing();
+    write(
+        &mut state,
+        "fn step(now) { for r in now.robots { stop(r.index); finished(r.index); } }",
+    );
     rehearse(&mut state);
     let result = state.compose.twin.result.as_mut().expect("a result");
     result.verdict.findings = vec![Finding {

@@ -64,7 +64,10 @@ fn receiver(stem: &str) -> Option<&str> {
 /// Within a comment or a text.
 fn is_prose(text: &str, at: usize) -> bool {
     tokens(text).iter().any(|(range, token)| {
-        let open_end = *token == Token::Comment && range.end == at;
+        let piece = &text[range.clone()];
+        let closed = |mark: char| piece.len() > 1 && piece.ends_with(mark);
+        let is_open = *token == Token::Comment || !piece.chars().next().is_some_and(closed);
+        let open_end = is_open && range.end == at;
         matches!(token, Token::Comment | Token::Text) && range.start < at && (at < range.end || open_end)
     })
 }
