@@ -12,6 +12,7 @@ pub mod health;
 pub mod lab;
 pub mod live;
 pub mod model;
+pub mod note;
 pub mod problem;
 pub mod robot;
 pub mod run;

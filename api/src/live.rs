@@ -1,6 +1,7 @@
 //! Live picture of a run: text messages on `/api/v1/lab/stream` (laboratory to service) and
 //! `/api/v1/runs/{id}/live` (service to anyone).
 
+use crate::note::Note;
 use serde::{Deserialize, Serialize};
 use uuid::Uuid;
 
@@ -19,6 +20,9 @@ pub struct LiveFrame {
     /// How well the robots are predicted; empty without a learning server.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub learning: Vec<LiveLearning>,
+    /// What the user's own controller said since the last frame, and what it drew last.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub notes: Vec<Note>,
     /// How long the stages from light to command took since the last frame.
     #[serde(default)]
     pub stages: Option<LiveStages>,

@@ -1,5 +1,6 @@
 //! What the twin says about an experiment before it is queued.
 
+use crate::note::TickNotes;
 use serde::{Deserialize, Serialize};
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -49,6 +50,9 @@ pub struct Replay {
     /// Time between two frames.
     pub period_s: f64,
     pub robots: Vec<ReplayRobot>,
+    /// What the user's own controller said and drew; drawings about thirty times a second.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub notes: Vec<TickNotes>,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

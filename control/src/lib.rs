@@ -14,6 +14,7 @@ pub mod effectiveness;
 pub mod gallery;
 pub mod interaction;
 pub mod law;
+pub mod notebook;
 pub mod prediction;
 pub mod rehearsal;
 pub mod safety;

@@ -8,6 +8,7 @@ use twin::twist::BodyTwist;
 use twin::world::{Obstacle, ObstacleContact, World};
 
 use crate::law::{Fault, Note, RobotObservation, path_error_m};
+use crate::notebook::Notebook;
 use crate::scenario::{FieldProblem, Scenario};
 use crate::team::{Team, TeamOutput, robots};
 use crate::verdict::{Finding, REPLAY_FORMAT, Replay, ReplayRobot, Severity, VERDICT_FORMAT, Verdict, sentence};
@@ -66,6 +67,7 @@ pub struct Rehearsal {
     /// Largest path error so far: value, time, robot.
     path_error: Option<(f64, f64, usize)>,
     replay: Vec<ReplayRobot>,
+    notebook: Notebook,
     broken: bool,
     stuck: bool,
     faulty: bool,
@@ -119,6 +121,7 @@ impl Rehearsal {
             smallest_wall_distance_m: world.smallest_wall_distance_m(),
             path_error: None,
             replay,
+            notebook: Notebook::default(),
             broken: false,
             stuck: false,
             faulty: false,
@@ -138,6 +141,9 @@ impl Rehearsal {
         for (command, out) in self.commands.iter_mut().zip(&self.outputs) {
             *command = out.safe.wheel_command();
         }
+        let tick = self.world.tick();
+        self.notebook
+            .take(tick, self.team.notes(), tick.is_multiple_of(FRAME_TICKS));
         if let Err(error) = self.world.step(&self.commands) {
             self.broken = true;
             let message = format!("the simulation cannot go on: {error}");
@@ -260,6 +266,7 @@ impl Rehearsal {
             format: REPLAY_FORMAT.into(),
             period_s: FRAME_TICKS as f64 * TICK_S,
             robots: self.replay,
+            notes: self.notebook.finish(),
         };
         Outcome { verdict, replay }
     }

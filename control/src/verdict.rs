@@ -1,5 +1,6 @@
 //! What a rehearsal says about an experiment; the same JSON as the service's wire types.
 
+use crate::notebook::TickNotes;
 use serde::{Deserialize, Serialize};
 
 /// Format string of a verdict.
@@ -57,6 +58,9 @@ pub struct Replay {
     /// Time between two frames.
     pub period_s: f64,
     pub robots: Vec<ReplayRobot>,
+    /// What the user's own controller said and drew.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub notes: Vec<TickNotes>,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -22,3 +22,4 @@ pub mod ranges;
 mod script;
 pub mod source;
 pub mod view;
+pub mod vocabulary;

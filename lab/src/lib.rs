@@ -41,6 +41,7 @@ mod live_stages;
 pub mod localisation;
 pub mod loop_120hz;
 pub mod medium;
+mod notes;
 pub mod parked;
 pub mod pilot;
 pub mod pose_frame;

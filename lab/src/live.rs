@@ -1,6 +1,7 @@
 //! The live picture: folds records into a frame for watchers about twenty times a second.
 
 use crate::live_stages::StageMeans;
+use crate::notes::LiveNotes;
 use crate::record::{LearningGap, Record, SafetyKind, ShadowPose};
 use api::CONTROL_HZ;
 use api::live::{LiveFrame, LiveLearning, LiveRobot, LiveShadow};
@@ -30,6 +31,7 @@ pub struct LivePicture {
     shadow: (i64, Vec<LiveShadow>),
     /// Newest figures of the predictions and their tick.
     learning: (i64, Vec<LiveLearning>),
+    notes: LiveNotes,
 }
 
 impl LivePicture {
@@ -61,6 +63,7 @@ impl LivePicture {
             stages: StageMeans::default(),
             shadow: (i64::MIN, Vec::new()),
             learning: (i64::MIN, Vec::new()),
+            notes: LiveNotes::default(),
         }
     }
 
@@ -115,6 +118,7 @@ impl LivePicture {
                 };
                 self.learning = (learning.tick, learning.robots.iter().filter_map(figures).collect());
             }
+            Record::Notes(notes) => self.notes.take(notes),
             Record::Tick(tick) if tick.tick >= self.next_frame_tick => {
                 self.next_frame_tick = tick.tick + TICKS_PER_FRAME;
                 return Some(self.frame(tick.tick, tick.missed));
@@ -150,6 +154,7 @@ impl LivePicture {
             } else {
                 Vec::new()
             },
+            notes: self.notes.frame(tick),
             stages: self.stages.finish(),
         }
     }

@@ -5,12 +5,13 @@ use crate::commander::{Sent, Still};
 use crate::delay::DelayMeter;
 use crate::ear::{STATUS_LATCHED, STATUS_STOPPED};
 use crate::estimator::{Belief, PoseSample, PoseTrack};
+use crate::notes;
 use crate::pose_frame::PoseFrame;
 use crate::record::{Command, Intervention, Log, LogLevel, Picture, Pose, Record, SafetyKind, Telemetry};
 use crate::robot_limits::RobotLimits;
 use crate::safety::{Ending, Inputs, Permission, RobotHealth, Safety, Signals};
 use crate::strangers::{self, Strangers};
-use control::law::{Note, RobotObservation};
+use control::law::RobotObservation;
 use control::safety::{Cause, SafeCommand};
 use control::team::{Team, TeamOutput};
 use std::borrow::Cow;
@@ -37,24 +38,6 @@ pub trait Outlet {
     fn still(&mut self, place: usize, still: Still, tick: u32) -> Sent;
     /// All robots have their order of this tick: what was kept back for a group goes out now.
     fn finish(&mut self, _tick: u32) {}
-}
-
-/// Log lines of the user's own controller that go into the record in one tick: its queue is the measurements' first.
-const NOTES_PER_TICK: usize = 8;
-
-/// Writes down what the user's own controller says; its drawings are for the page alone.
-pub(crate) fn tell_notes(notes: &[Note], at_us: i64, sink: &mut impl Sink) {
-    let lines = notes.iter().filter_map(|note| match note {
-        Note::Log { text } => Some(text),
-        _ => None,
-    });
-    for text in lines.take(NOTES_PER_TICK) {
-        sink.push(Record::Log(Log {
-            at_us,
-            level: LogLevel::Info,
-            message: format!("controller: {text}"),
-        }));
-    }
 }
 
 /// Takes records down; never waits.
@@ -373,7 +356,7 @@ impl Pilot {
             }
         }
         if overdue == 0 {
-            tell_notes(self.team.notes(), now_us, sink);
+            notes::tell(self.team.notes(), self.first_tick + slot, now_us, sink);
         }
     }
 

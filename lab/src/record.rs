@@ -2,6 +2,7 @@
 
 use crate::realtime::Realtime;
 use api::lab::Assignment;
+use api::note::Note;
 use api::run::{Fault, RunState};
 use chrono::{DateTime, Utc};
 use serde::{Deserialize, Serialize};
@@ -23,6 +24,7 @@ pub enum Record {
     Intervention(Intervention),
     Shadow(Shadow),
     Learning(Learning),
+    Notes(Notes),
     /// A plain 8.33 ms sleep of another thread took this much longer.
     SleepLate(i64),
     Log(Log),
@@ -198,6 +200,14 @@ pub struct LearningGap {
     pub predictions: u64,
     /// Times that what was learned was thrown away.
     pub discarded: u32,
+}
+
+/// What the user's own controller said and drew in a tick.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Notes {
+    pub tick: i64,
+    pub at_us: i64,
+    pub notes: Vec<Note>,
 }
 
 /// The safety filter changed a command.

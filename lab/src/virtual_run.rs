@@ -4,7 +4,8 @@
 //! the end is the one of its verdict. What the model's sensors tell is written down without noise.
 
 use crate::archive::parquet::driven_wheels;
-use crate::pilot::{Sink, explain, parts, tell_notes};
+use crate::notes;
+use crate::pilot::{Sink, explain, parts};
 use crate::record::{CameraName, Command, Intervention, LINK_WHEELS, Pose, Record, Telemetry};
 use crate::safety::Ending;
 use crate::schedule::TICK_HZ;
@@ -84,7 +85,7 @@ impl VirtualRun {
         let tick = self.tick;
         let more = self.twin.step();
         self.tell_orders(tick, sink);
-        tell_notes(self.twin.notes(), self.due_us(tick), sink);
+        notes::tell(self.twin.notes(), tick, self.due_us(tick), sink);
         if self.twin.is_broken() {
             return Some(VirtualEnding::Broken);
         }

@@ -153,6 +153,11 @@ fn a_run_that_ended_is_complete_and_its_hashes_hold() {
         log.contains("run ended as done") && log.contains("60 recorded, 0 missed"),
         "{log}"
     );
+    assert!(log.contains("info controller: past the gate\n"), "{log}");
+    let track = fs::read(built.out.join("track.json")).expect("the track");
+    let track: api::verdict::Replay = serde_json::from_slice(&track).expect("a replay");
+    let notes: Vec<_> = track.notes.iter().map(|tick| (tick.tick, tick.notes.len())).collect();
+    assert_eq!(notes, [(8, 2)]);
 }
 
 #[test]
@@ -183,7 +188,14 @@ fn mcap_holds_poses_transforms_commands_interventions_and_log_at_wall_times() {
     assert_eq!(count("/tf"), 2 * TICKS);
     assert_eq!(count("/robots/diff-01/command"), TICKS);
     assert_eq!(count("/robots/diff-01/telemetry"), TICKS);
-    assert_eq!((count("/safety"), count("/log")), (1, 1));
+    assert_eq!((count("/safety"), count("/log"), count("/controller/notes")), (1, 2, 1));
+    let told: serde_json::Value = serde_json::from_slice(&topics["/controller/notes"][0].data).expect("json");
+    assert_eq!(told["tick"], 8);
+    assert_eq!(
+        told["notes"][1],
+        serde_json::json!({"kind": "point", "at_m": [0.5, -0.25], "colour": 3})
+    );
+    assert_eq!(topics["/controller/notes"][0].log_time, topics["/log"][1].log_time);
     let first = &topics["/robots/omni-01/pose"][0];
     let schema = first.channel.schema.as_ref().expect("a schema");
     assert_eq!(

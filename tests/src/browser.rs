@@ -138,6 +138,44 @@ impl Browser {
         Ok(())
     }
 
+    pub async fn press_enter(&self) -> anyhow::Result<()> {
+        let chain = self.page.action_chain().key_down(Key::Enter).key_up(Key::Enter);
+        chain.perform().await?;
+        Ok(())
+    }
+
+    pub async fn press_control(&self, key: char) -> anyhow::Result<()> {
+        let chain = self.page.action_chain().key_down(Key::Control).key_down(key);
+        chain.key_up(key).key_up(Key::Control).perform().await?;
+        Ok(())
+    }
+
+    /// Types a text key by key, line by line.
+    pub async fn type_text(&self, text: &str) -> anyhow::Result<()> {
+        let mut lines = text.split('\n').peekable();
+        while let Some(line) = lines.next() {
+            if !line.is_empty() {
+                self.page.action_chain().send_keys(line).perform().await?;
+            }
+            if lines.peek().is_some() {
+                // A list of words that is open would take the key for itself.
+                tokio::time::sleep(Duration::from_millis(120)).await;
+                if self.inspect().await?["widgets"]["compose.words"].is_object() {
+                    self.page
+                        .action_chain()
+                        .key_down(Key::Escape)
+                        .key_up(Key::Escape)
+                        .perform()
+                        .await?;
+                    tokio::time::sleep(Duration::from_millis(60)).await;
+                }
+                self.press_enter().await?;
+                tokio::time::sleep(Duration::from_millis(60)).await;
+            }
+        }
+        Ok(())
+    }
+
     pub async fn press_control_enter(&self) -> anyhow::Result<()> {
         let chain = self.page.action_chain().key_down(Key::Control).key_down(Key::Enter);
         chain.key_up(Key::Enter).key_up(Key::Control).perform().await?;

@@ -3,7 +3,7 @@
 //! Pages send [`Command`]s; `update/` turns commands and [`Event`]s into new state and [`Effect`]s;
 //! the platform carries effects out and reports back with events.
 
-use crate::state::{Page, RobotIndex, Shown, TargetIndex, Template};
+use crate::state::{Page, RobotIndex, Shown, Side, TargetIndex, Template};
 use api::experiment::Mode;
 use api::verdict::{Replay, Verdict};
 use uuid::Uuid;
@@ -29,6 +29,9 @@ pub enum Command {
         value: f64,
     },
     ResetParameters,
+    /// By its name in `control.law`.
+    ChooseLaw(&'static str),
+    Program(ProgramCommand),
     MoveStart {
         robot: RobotIndex,
         x_m: f64,
@@ -74,6 +77,27 @@ pub enum ModelsCommand {
     CompareWith(Shown),
     OnRun(Uuid),
     Compare,
+}
+
+/// What a person did with an own controller.
+#[derive(Debug, Clone, PartialEq)]
+pub enum ProgramCommand {
+    ShowSide(Side),
+    SetScript(String),
+    /// An example of the gallery, by its place; a text of one's own is replaced only after a yes.
+    AskExample(usize),
+    TakeExample(usize),
+    KeepText,
+    SetNumber {
+        name: String,
+        value: f64,
+    },
+    RemoveNumber(String),
+    /// The name in the field beside the button that adds a number.
+    NameNumber(String),
+    PickModule,
+    /// Back from a module to the script.
+    WriteScript,
 }
 
 /// What a person did on the Gap page.
@@ -125,6 +149,11 @@ pub enum Event {
     TwinFailed {
         id: u32,
         message: String,
+    },
+    /// A file that was picked as a WebAssembly module, or the browser's words for why it could not be read.
+    ModulePicked {
+        name: String,
+        bytes: Result<Vec<u8>, String>,
     },
     LiveOpened {
         run: Uuid,
@@ -189,6 +218,8 @@ pub enum Effect {
     CancelTwin {
         id: u32,
     },
+    /// A file dialogue; what is picked arrives as [`Event::ModulePicked`].
+    PickModule,
     OpenLive {
         run: Uuid,
     },

@@ -2,6 +2,7 @@
 //!
 //! Refreshed each frame; see the crate's documentation for the names of the widgets.
 
+use crate::pages::notes;
 use crate::state::{ComparisonState, ReportState, State, TwinStatus};
 use serde::Serialize;
 use std::cell::RefCell;
@@ -49,6 +50,8 @@ pub struct TwinSummary {
     pub status: &'static str,
     pub findings: Vec<String>,
     pub problems: Vec<String>,
+    /// From the last change to the start of the twin.
+    pub pause_s: Option<f64>,
 }
 
 #[derive(Debug, Default, Serialize)]
@@ -59,6 +62,17 @@ pub struct ComposeSummary {
     pub playback_s: f64,
     pub playing: bool,
     pub submit_obstacle: Option<&'static str>,
+    pub law: String,
+    /// The script of an own controller.
+    pub script: Option<String>,
+    /// Line and column, and words, of what is wrong with it.
+    pub mistake: Option<(Option<[u32; 2]>, String)>,
+    /// SHA-256 of a module.
+    pub module: Option<String>,
+    pub refusal: Option<String>,
+    /// Log lines of the rehearsal, and drawings on the floor now.
+    pub log_lines: usize,
+    pub drawings: usize,
 }
 
 #[derive(Debug, Default, Serialize)]
@@ -73,6 +87,9 @@ pub struct LiveSummary {
     pub connected: bool,
     pub frames: usize,
     pub tick: Option<i64>,
+    /// Lines of the controller's log, and what it draws now.
+    pub log_lines: usize,
+    pub drawings: usize,
 }
 
 #[derive(Debug, Default, Serialize)]
@@ -83,6 +100,10 @@ pub struct RunSummary {
     pub has_track: bool,
     pub digest_equal: Option<bool>,
     pub playback_s: f64,
+    /// Lines of the controller's log, what it draws at the moment of the playback, and where both come from.
+    pub log_lines: usize,
+    pub drawings: usize,
+    pub notes_of: Option<&'static str>,
 }
 
 #[derive(Debug, Default, Serialize)]
@@ -122,15 +143,17 @@ pub struct ModelsSummary {
 /// The part of the state that tests look at.
 pub fn summary(state: &State) -> Summary {
     let compose = &state.compose;
+    let (run_notes, notes_of) = crate::pages::run::data::controller_notes(state);
     Summary {
         twin: twin(state),
         compose: ComposeSummary {
             template: compose.template.name(),
             label: compose.label.clone(),
-            document: serde_json::to_value(&compose.experiment).unwrap_or_default(),
+            document: document(state),
             playback_s: compose.playback.time_s,
             playing: compose.playback.playing,
             submit_obstacle: crate::update::submit_obstacle(state),
+            ..compose_program(state)
         },
         queue: QueueSummary {
             runs: state
@@ -146,6 +169,8 @@ pub fn summary(state: &State) -> Summary {
             connected: state.live.open,
             frames: state.live.frames.len(),
             tick: state.live.frames.back().map(|f| f.tick),
+            log_lines: state.live.log.len(),
+            drawings: state.live.drawings.1.len(),
         },
         run: RunSummary {
             id: state.run.selected.map(|id| id.to_string()),
@@ -154,6 +179,9 @@ pub fn summary(state: &State) -> Summary {
             has_track: state.run.physical.replay().is_some(),
             digest_equal: state.run.view.as_ref().and_then(|v| v.digest.equal),
             playback_s: state.run.playback.time_s,
+            log_lines: notes::lines(run_notes).len(),
+            drawings: notes::drawings_at(run_notes, state.run.playback.time_s).len(),
+            notes_of: (!run_notes.is_empty()).then_some(notes_of),
         },
         gap: gap(state),
         models: models(state),
@@ -181,6 +209,35 @@ fn models(state: &State) -> ModelsSummary {
         shown: crate::pages::models::data::headline(state).0,
         sentence: view.map(|view| view.sentence.clone()),
         compared: view.map(|view| [view.first.version.clone(), view.second.version.clone()]),
+    }
+}
+
+/// The experiment; without the bytes of a module, which are many.
+fn document(state: &State) -> serde_json::Value {
+    let mut document = serde_json::to_value(&state.compose.experiment).unwrap_or_default();
+    if let Some(parameters) = document["control"]["parameters"].as_object_mut() {
+        parameters.remove(control::law::own::MODULE);
+    }
+    document
+}
+
+fn compose_program(state: &State) -> ComposeSummary {
+    let (compose, program) = (&state.compose, &state.compose.program);
+    let replay = compose.twin.result.as_ref().map(|result| &result.replay);
+    ComposeSummary {
+        law: compose.experiment.control.law.clone(),
+        script: crate::update::program::script(&compose.experiment).map(str::to_owned),
+        mistake: program
+            .mistake
+            .as_ref()
+            .map(|mistake| (mistake.place, mistake.text.clone())),
+        module: program.module.as_ref().map(|file| file.sha256.clone()),
+        refusal: program.refusal.clone(),
+        log_lines: replay.map_or(0, |replay| notes::lines(&replay.notes).len()),
+        drawings: replay.map_or(0, |replay| {
+            notes::drawings_at(&replay.notes, compose.playback.time_s).len()
+        }),
+        ..ComposeSummary::default()
     }
 }
 
@@ -242,6 +299,7 @@ fn twin(state: &State) -> TwinSummary {
         findings: current
             .map(|r| r.verdict.findings.iter().map(|f| f.code.clone()).collect())
             .unwrap_or_default(),
+        pause_s: twin.pause_s,
         problems: crate::update::field_problems(state)
             .iter()
             .map(|p| p.field.clone())

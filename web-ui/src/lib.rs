@@ -9,14 +9,19 @@
 //! `{x, y, w, h, enabled}` in CSS pixels. Only what is on the screen now is listed. Names:
 //!
 //! * everywhere: `nav.compose`, `nav.queue`, `nav.live`, `nav.run`, `nav.robots`, `nav.gap`, `nav.models`, `nav.theme`, `toast.<n>.close`
-//! * Compose: `compose.template.rectangle-omni4`, `compose.template.rectangle-diff2`, `compose.template.swap-corners`,
+//! * Compose: `compose.template.rectangle-omni4`, `compose.template.rectangle-diff2`, `compose.template.swap-corners`, `compose.template.own-controller`,
 //!   `compose.label`, `compose.duration`, `compose.seed`, `compose.parameter.<key>`, `compose.parameters.reset`,
 //!   `compose.json` (opens the document), `compose.json.copy`, `compose.arena` (the floor),
 //!   `compose.robot.<i>` (start pose, drag), `compose.robot.<i>.yaw` (handle), `compose.target.<i>` (drag),
+//!   `compose.laws` (opens the list), `compose.law.<name>`, `compose.controller` (opens the editor), `compose.side.settings`,
+//!   `compose.side.program`, `compose.editor`, `compose.mistake` (leads to its line), `compose.words`, `compose.word.<i>`,
+//!   `compose.examples` (opens the list), `compose.example.<name>`, `compose.example.yes`, `compose.example.no`,
+//!   `compose.module.upload`, `compose.module.back`, `compose.module`, `compose.number.<name>`, `compose.number.<name>.remove`,
+//!   `compose.number.name`, `compose.number.add`, `compose.log`,
 //!   `compose.models`, `compose.play`, `compose.seek`, `compose.speed`, `compose.finding.<i>`, `compose.problem.<i>`, `compose.submit`
 //! * Queue: `queue.row.<run id>` (opens), `queue.cancel.<run id>`, `queue.cancel.yes`, `queue.cancel.no`, `queue.compose`
-//! * Live: `live.arena`, `live.open`, `live.compose`
-//! * Run: `run.arena`, `run.plot`, `run.play`, `run.seek`, `run.speed`, `run.live`, `run.cancel`, `run.finding.<i>`,
+//! * Live: `live.arena`, `live.log`, `live.open`, `live.compose`
+//! * Run: `run.arena`, `run.log`, `run.plot`, `run.play`, `run.seek`, `run.speed`, `run.live`, `run.cancel`, `run.finding.<i>`,
 //!   `run.download.archive`, `run.download.<file name>`
 //! * Robots: `robots.row.<name>`
 //! * Gap: `gap.robot.<name>`, `gap.run.<run id>.same`, `gap.run.<run id>.changed`, `gap.run.<run id>.locked`, `gap.keep`, `gap.start`, `gap.new`,
@@ -30,6 +35,8 @@ pub mod app;
 pub mod arena_view;
 pub mod command;
 pub mod error_measure;
+#[cfg(target_arch = "wasm32")]
+mod file_dialogue;
 pub mod inbox;
 pub mod inspect;
 pub mod net;

@@ -1,7 +1,7 @@
 //! Parameters of the control laws as sliders; keys, units, ranges and defaults are the laws' own table.
 
 use api::experiment::Experiment;
-use control::law::{ParameterSpec, law_spec};
+use control::law::{LAWS, OWN, ParameterSpec, law_spec};
 
 /// The table of a law; empty for a law that is not known.
 pub fn specs(law: &str) -> &'static [ParameterSpec] {
@@ -11,6 +11,26 @@ pub fn specs(law: &str) -> &'static [ParameterSpec] {
 /// What a law does, in one line.
 pub fn law_title(law: &str) -> &'static str {
     law_spec(law).map_or("", |spec| spec.title)
+}
+
+/// Names of all laws that an experiment may have.
+pub fn laws() -> impl Iterator<Item = &'static str> {
+    LAWS.iter().map(|spec| spec.name).chain([OWN])
+}
+
+/// A law's name for people: what its line begins with.
+pub fn law_name(law: &str) -> &'static str {
+    law_title(law).split_once(": ").map_or(law_title(law), |(name, _)| name)
+}
+
+/// The rest of a law's line.
+pub fn law_explained(law: &str) -> String {
+    let title = law_title(law);
+    let rest = title.split_once(": ").map_or(title, |(_, rest)| rest);
+    let mut letters = rest.chars();
+    letters
+        .next()
+        .map_or_else(String::new, |c| c.to_uppercase().collect::<String>() + letters.as_str())
 }
 
 /// The name beside the slider: the key without its unit, in words.
@@ -77,11 +97,25 @@ mod tests {
     }
 
     #[test]
+    fn laws_have_names_for_people() {
+        let names: Vec<&str> = laws().map(law_name).collect();
+        assert_eq!(names.last(), Some(&"Own controller"));
+        assert!(
+            names
+                .iter()
+                .all(|name| !name.is_empty() && name.len() < 32 && !name.contains('_')),
+            "{names:?}"
+        );
+        assert_eq!(law_explained(OWN), "A script or a WebAssembly module");
+    }
+
+    #[test]
     fn every_template_has_a_law_with_named_parameters() {
         for template in Template::ALL {
             let experiment = template.experiment();
             let specs = specs(&experiment.control.law);
-            assert!(!specs.is_empty() && !law_title(&experiment.control.law).is_empty());
+            let own = experiment.control.law == OWN;
+            assert!(specs.is_empty() == own && !law_title(&experiment.control.law).is_empty());
             assert!(
                 specs
                     .iter()

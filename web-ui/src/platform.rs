@@ -1,6 +1,7 @@
 //! Carries effects out in the browser: fetch, WebSocket, worker, clipboard, downloads.
 
 use crate::command::{Effect, Event};
+use crate::file_dialogue;
 use crate::inbox::Inbox;
 use crate::net::{http, socket};
 use crate::worker::{SimWorker, cancel_message, start_message};
@@ -39,6 +40,7 @@ impl Platform {
                     let _posted = worker.post(id, &cancel_message(id));
                 }
             }
+            Effect::PickModule => file_dialogue::open(&self.inbox),
             Effect::OpenLive { run } => self.live = socket::Live::open(&self.inbox, run),
             Effect::CloseLive => self.live = None,
             Effect::CopyText(text) => context.copy_text(text),

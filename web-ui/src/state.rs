@@ -1,5 +1,9 @@
 //! Plain data: everything the dashboard knows. Only `update/` changes it.
 
+mod program;
+
+pub use program::{Mistake, ModuleFile, Program, Side};
+
 use crate::command::Request;
 use crate::report::Report;
 use api::arena::{Arena, ArenaView};
@@ -9,6 +13,7 @@ use api::experiment::Experiment;
 use api::lab::LabDescription;
 use api::live::LiveFrame;
 use api::model::{ModelView, RobotGaps, RobotModel};
+use api::note::Note;
 use api::problem::FieldProblem;
 use api::robot::{LabRobot, RobotView};
 use api::run::{RunState, RunView};
@@ -76,17 +81,24 @@ pub enum Template {
     RectangleOmni4,
     RectangleDiff2,
     SwapCorners,
+    OwnController,
 }
 
 impl Template {
-    pub const ALL: [Self; 3] = [Self::RectangleOmni4, Self::RectangleDiff2, Self::SwapCorners];
+    pub const ALL: [Self; 4] = [
+        Self::RectangleOmni4,
+        Self::RectangleDiff2,
+        Self::SwapCorners,
+        Self::OwnController,
+    ];
 
-    /// As in the file name under `examples/experiments/`.
+    /// As in the file name under `examples/experiments/`; the last stands under `examples/controllers/`.
     pub const fn name(self) -> &'static str {
         match self {
             Self::RectangleOmni4 => "rectangle-omni4",
             Self::RectangleDiff2 => "rectangle-diff2",
             Self::SwapCorners => "swap-corners",
+            Self::OwnController => "own-controller",
         }
     }
 
@@ -95,6 +107,7 @@ impl Template {
             Self::RectangleOmni4 => "Rectangle path, omnidirectional robot",
             Self::RectangleDiff2 => "Rectangle path, two-wheel robot",
             Self::SwapCorners => "Four robots swap corners",
+            Self::OwnController => "Own controller: write it here",
         }
     }
 
@@ -103,6 +116,7 @@ impl Template {
             Self::RectangleOmni4 => "The paper's path, out and back, on four omni wheels",
             Self::RectangleDiff2 => "The same path on a differential drive",
             Self::SwapCorners => "Everyone drives to the opposite corner without touching",
+            Self::OwnController => "Four robots under a script of your own; the twin drives it as you type",
         }
     }
 
@@ -111,6 +125,7 @@ impl Template {
             Self::RectangleOmni4 => include_str!("../../examples/experiments/rectangle-omni4.json"),
             Self::RectangleDiff2 => include_str!("../../examples/experiments/rectangle-diff2.json"),
             Self::SwapCorners => include_str!("../../examples/experiments/swap-corners.json"),
+            Self::OwnController => include_str!("../../examples/controllers/avoid-each-other.json"),
         }
     }
 
@@ -199,6 +214,7 @@ pub struct Compose {
     pub edited: bool,
     pub experiment: Experiment,
     pub label: String,
+    pub program: Program,
     pub twin: Twin,
     pub playback: Playback,
     pub submission: Submission,
@@ -215,6 +231,10 @@ pub struct Twin {
     pub status: TwinStatus,
     /// The last complete replay; stays visible (faint) while the next one is computed.
     pub result: Option<TwinResult>,
+    /// When the document was changed last.
+    pub changed_at_s: f64,
+    /// From the last change to the start of the twin.
+    pub pause_s: Option<f64>,
 }
 
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -299,9 +319,15 @@ impl Queue {
 
 /// Newest live frames kept for trails and for runs without a recorded track.
 pub const LIVE_FRAMES_MAX: usize = 12_000;
+/// Newest lines of a controller's log kept while a run is watched.
+pub const LIVE_LOG_MAX: usize = 1_000;
 
 #[derive(Debug, Clone, Default)]
 pub struct Live {
+    /// What the run's own controller drew last, and when by the run's clock.
+    pub drawings: (f64, Vec<Note>),
+    /// Its newest log lines and their times, s.
+    pub log: VecDeque<(f64, String)>,
     /// The run the connection belongs to; `None` when there is no connection.
     pub connected: Option<Uuid>,
     /// The first message or the opening has arrived.
@@ -449,6 +475,7 @@ impl State {
                 edited: false,
                 experiment: template.experiment(),
                 label: template.title().to_owned(),
+                program: Program::default(),
                 twin: Twin {
                     status: TwinStatus::Waiting {
                         start_at_s: clock.time_s,

@@ -59,8 +59,9 @@ const EDGES: &[(&str, &[&str])] = &[
     ("store", &["api"]),
     ("system-tests", &["api"]),
     ("twin", &[]),
-    // Of control only the tables of the laws' parameters: labels, units and limits stand in one place.
-    ("web-ui", &["api", "control"]),
+    // Of control only the tables of the laws' parameters, of controllers only gallery, vocabulary and limits: labels, units and
+    // limits stand in one place.
+    ("web-ui", &["api", "control", "controllers"]),
     ("xtask", &[]),
 ];
 

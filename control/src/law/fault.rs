@@ -68,3 +68,28 @@ pub enum Standing<'a> {
     /// It will not answer again: the robots stop.
     Faulty(&'a Fault),
 }
+
+/// Line and column, both from 1, in the text of a [`Fault`], also where it stands in a longer sentence.
+pub fn place_in(text: &str) -> Option<[u32; 2]> {
+    text.match_indices("line ").find_map(|(at, word)| {
+        let (line, rest) = text[at + word.len()..].split_once(", column ")?;
+        let (column, _) = rest.split_once(": ")?;
+        Some([line.parse().ok()?, column.parse().ok()?])
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_place_in_a_text_is_that_of_its_fault() {
+        let mut fault = Fault::new(FaultKind::Failed, Some(7), "line 3 of nothing, column 2");
+        assert_eq!(place_in(&fault.to_string()), None);
+        (fault.line, fault.column) = (Some(12), Some(9));
+        for text in [fault.to_string(), format!("the controller cannot go on: {fault}")] {
+            assert_eq!(place_in(&text), Some([12, 9]), "{text}");
+        }
+        assert_eq!(place_in("line 4, column "), None);
+    }
+}

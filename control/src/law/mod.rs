@@ -36,7 +36,7 @@ use twin::robot::Robot;
 use twin::twist::BodyTwist;
 
 pub use driver::{Driver, Request};
-pub use fault::{Fault, FaultKind, Standing};
+pub use fault::{Fault, FaultKind, Standing, place_in};
 pub use motion::Drive;
 pub use note::Note;
 pub use parameters::{LAWS, LawSpec, ParameterSpec, Parameters, law_spec};

@@ -7,6 +7,7 @@ use super::punctuality::Punctuality;
 use super::stages::StageTimes;
 use super::track::{self, Track};
 use crate::journal::JournalReader;
+use crate::notes;
 use crate::record::{End, LogLevel, Record, Start};
 use chrono::{DateTime, SecondsFormat, Utc};
 use serde::Serialize;
@@ -151,13 +152,21 @@ impl Files {
     }
 
     fn take_log(&mut self, record: &Record) -> Result<(), ArchiveError> {
-        if let Record::Log(line) = record {
-            let level = match line.level {
-                LogLevel::Info => "info",
-                LogLevel::Warning => "warning",
-                LogLevel::Error => "error",
-            };
-            writeln!(self.log, "{} {level} {}", self.wall_text(line.at_us), line.message)?;
+        match record {
+            Record::Log(line) => {
+                let level = match line.level {
+                    LogLevel::Info => "info",
+                    LogLevel::Warning => "warning",
+                    LogLevel::Error => "error",
+                };
+                writeln!(self.log, "{} {level} {}", self.wall_text(line.at_us), line.message)?;
+            }
+            Record::Notes(notes) => {
+                for text in notes::lines(&notes.notes) {
+                    writeln!(self.log, "{} info controller: {text}", self.wall_text(notes.at_us))?;
+                }
+            }
+            _ => {}
         }
         Ok(())
     }

@@ -1,7 +1,8 @@
 //! `run.mcap`: the run for Foxglove and friends. Poses, frame transforms and log use Foxglove's well-known JSON
 //! schemas, commands, telemetry and safety interventions their own. Log times are wall-clock times.
 
-use crate::record::{Log, LogLevel, Pose, Record};
+use crate::notes;
+use crate::record::{LogLevel, Pose, Record};
 use api::lab::Assignment;
 use mcap::records::MessageHeader;
 use mcap::{McapError, WriteOptions, Writer};
@@ -62,6 +63,8 @@ pub struct McapFile {
     transforms: Channel,
     safety: Channel,
     log: Channel,
+    /// What the user's own controller says and draws.
+    controller: Channel,
 }
 
 impl McapFile {
@@ -79,6 +82,10 @@ impl McapFile {
         let telemetry = schema("robopheus.Telemetry", include_str!("schemas/telemetry.json"))?;
         let intervention = schema("robopheus.Intervention", include_str!("schemas/intervention.json"))?;
         let learning = schema("robopheus.LearningGap", include_str!("schemas/learning_gap.json"))?;
+        let notes = schema(
+            "robopheus.ControllerNotes",
+            include_str!("schemas/controller_notes.json"),
+        )?;
         let mut channel = |schema, topic: &str| {
             writer
                 .add_channel(schema, topic, "json", &BTreeMap::new())
@@ -100,6 +107,7 @@ impl McapFile {
         let transforms = channel(transform, "/tf")?;
         let safety = channel(intervention, "/safety")?;
         let log = channel(log, "/log")?;
+        let controller = channel(notes, "/controller/notes")?;
         Ok(Self {
             writer,
             clock,
@@ -107,6 +115,7 @@ impl McapFile {
             transforms,
             safety,
             log,
+            controller,
         })
     }
 
@@ -119,6 +128,7 @@ impl McapFile {
             transforms,
             safety,
             log,
+            controller,
         } = self;
         match record {
             Record::Pose(pose) if pose.accepted => {
@@ -173,12 +183,24 @@ impl McapFile {
             Record::Intervention(intervention) => {
                 write(writer, safety, [clock.ns(intervention.at_us); 2], intervention)
             }
-            Record::Log(line) => write(
-                writer,
-                log,
-                [clock.ns(line.at_us); 2],
-                &foxglove_log(line, clock.ns(line.at_us)),
-            ),
+            Record::Log(line) => {
+                let (at_ns, message) = (clock.ns(line.at_us), &line.message);
+                write(
+                    writer,
+                    log,
+                    [at_ns; 2],
+                    &foxglove_log(line.level, message, "lab", at_ns),
+                )
+            }
+            Record::Notes(told) => {
+                let at_ns = clock.ns(told.at_us);
+                for text in notes::lines(&told.notes) {
+                    let message = foxglove_log(LogLevel::Info, text, "controller", at_ns);
+                    write(writer, log, [at_ns; 2], &message)?;
+                }
+                let message = json!({"tick": told.tick, "notes": told.notes});
+                write(writer, controller, [at_ns; 2], &message)
+            }
             _ => Ok(()),
         }
     }
@@ -235,11 +257,11 @@ fn frame_transform(pose: &Pose, ns: u64, child: &str) -> Value {
     })
 }
 
-fn foxglove_log(line: &Log, ns: u64) -> Value {
-    let level = match line.level {
+fn foxglove_log(level: LogLevel, message: &str, name: &str, ns: u64) -> Value {
+    let level = match level {
         LogLevel::Info => 2,
         LogLevel::Warning => 3,
         LogLevel::Error => 4,
     };
-    json!({"timestamp": timestamp(ns), "level": level, "message": line.message, "name": "lab", "file": "", "line": 0})
+    json!({"timestamp": timestamp(ns), "level": level, "message": message, "name": name, "file": "", "line": 0})
 }

@@ -2,6 +2,7 @@
 //!
 //! Made from the same records as the tables; it stands beside the archive, not in it.
 
+use crate::notes::TrackNotes;
 use crate::record::Record;
 use api::robot::LabRobot;
 use api::verdict::{Replay, ReplayRobot};
@@ -16,6 +17,7 @@ pub struct Track {
     newest: Vec<Option<([f64; 3], [f64; 2])>>,
     robots: Vec<ReplayRobot>,
     next_us: i64,
+    notes: TrackNotes,
 }
 
 impl Track {
@@ -31,6 +33,7 @@ impl Track {
             newest: vec![None; robots.len()],
             robots: robots.iter().map(track).collect(),
             next_us: start_us,
+            notes: TrackNotes::default(),
         }
     }
 
@@ -50,6 +53,7 @@ impl Track {
                 }
                 self.advance(at_us);
             }
+            Record::Notes(notes) => self.notes.take(notes),
             _ => {}
         }
     }
@@ -60,6 +64,7 @@ impl Track {
             format: "robopheus.replay/1".into(),
             period_s: PERIOD_US as f64 * 1e-6,
             robots: self.robots,
+            notes: self.notes.finish(),
         }
     }
 

@@ -11,8 +11,8 @@ use futures_util::StreamExt as _;
 use serde::de::DeserializeOwned;
 use std::time::Duration;
 
-/// Largest JSON body.
-pub const JSON_LIMIT_BYTES: u64 = 1024 * 1024;
+/// Largest JSON body: an experiment with a WebAssembly module of 1 MiB in base64 fits.
+pub const JSON_LIMIT_BYTES: u64 = 2 * 1024 * 1024;
 /// A longer body is read and thrown away up to here, so that its sender gets to see the problem.
 const DRAIN_LIMIT_BYTES: u64 = 32 * 1024 * 1024;
 /// A sender that is slower than this is given up.

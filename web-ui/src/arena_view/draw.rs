@@ -1,6 +1,6 @@
 //! Painting of the scene, from the floor up.
 
-use super::{Projection, Scene, SceneRobot, Shape, Trail, colour};
+use super::{Projection, Scene, SceneRobot, Shape, Trail, colour, drawings};
 use crate::error_measure::BAND_M;
 use crate::theme::Palette;
 use egui::epaint::PathStroke;
@@ -30,6 +30,9 @@ pub fn scene(painter: &Painter, scene: &Scene, projection: &Projection, floor: R
             palette,
         );
     }
+    // What a program draws may be anywhere, but is seen on the floor only.
+    let painter_inside = painter.with_clip_rect(floor.intersect(painter.clip_rect()));
+    drawings::below(&painter_inside, &scene.drawings, projection, palette);
     for item in scene
         .robots
         .iter()
@@ -38,6 +41,7 @@ pub fn scene(painter: &Painter, scene: &Scene, projection: &Projection, floor: R
     {
         robot(painter, item, projection, palette);
     }
+    drawings::above(&painter_inside, &scene.drawings, projection, palette);
 }
 
 fn grid(painter: &Painter, scene: &Scene, projection: &Projection, floor: Rect, palette: &Palette) {

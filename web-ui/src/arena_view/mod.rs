@@ -1,9 +1,11 @@
 //! The arena from above: floor, scale, paths, trails, targets and robots. The same picture on every page.
 
 mod draw;
+mod drawings;
 
 use api::arena::Arena;
 use api::experiment::{Experiment, Target};
+use api::note::Note;
 use api::robot::RobotDescription;
 use egui::{Color32, Painter, Pos2, Rect, Response, Sense, Ui, pos2, vec2};
 
@@ -22,6 +24,8 @@ pub struct Scene {
     pub trails: Vec<Trail>,
     pub targets: Vec<SceneTarget>,
     pub robots: Vec<SceneRobot>,
+    /// Points, lines and words of the user's own controller.
+    pub drawings: Vec<Note>,
 }
 
 #[derive(Debug, Clone, PartialEq)]

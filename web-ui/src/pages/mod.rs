@@ -4,6 +4,7 @@ pub mod compose;
 pub mod gap;
 pub mod live;
 pub mod models;
+pub mod notes;
 pub mod parts;
 pub mod queue;
 pub mod robots;

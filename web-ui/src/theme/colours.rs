@@ -50,6 +50,15 @@ impl Palette {
         self.robots[index % self.robots.len()]
     }
 
+    /// Colour of what a controller draws, by its number: those of the robots, then the twin's, then grey.
+    pub const fn note(&self, colour: u8) -> Color32 {
+        match colour as usize {
+            at if at < self.robots.len() => self.robots[at],
+            6 => self.twin,
+            _ => self.faint_ink,
+        }
+    }
+
     pub const fn tone(&self, tone: Tone) -> Color32 {
         match tone {
             Tone::Neutral => self.faint_ink,

@@ -10,6 +10,9 @@ use uuid::Uuid;
 
 /// Pause after the last change before the twin starts.
 const PAUSE_S: f64 = 0.2;
+/// The same while a program is written: typing pauses longer between words than within them, and the twin has begun
+/// within 0.2 s of the last key, the page's next frame included.
+const TYPING_PAUSE_S: f64 = 0.12;
 pub const DURATION_S: std::ops::RangeInclusive<f64> = 0.1..=600.0;
 
 pub fn command(state: &mut State, command: Command) -> Vec<Effect> {
@@ -41,6 +44,7 @@ pub fn document_json(state: &State) -> String {
 }
 
 fn choose_template(state: &mut State, template: Template) {
+    super::program::keep(state);
     let compose = &mut state.compose;
     compose.template = template;
     compose.edited = false;
@@ -48,6 +52,7 @@ fn choose_template(state: &mut State, template: Template) {
     compose.label = template.title().to_owned();
     compose.playback = Playback::default();
     compose.twin.result = None;
+    super::program::forget(state);
     rehearse_soon(state);
 }
 
@@ -108,8 +113,14 @@ fn new_document(state: &mut State) {
 pub fn rehearse_soon(state: &mut State) {
     new_document(state);
     state.compose.playback.playing = false;
+    let pause_s = if super::program::is_own(&state.compose.experiment) {
+        TYPING_PAUSE_S
+    } else {
+        PAUSE_S
+    };
+    state.compose.twin.changed_at_s = state.clock.time_s;
     state.compose.twin.status = TwinStatus::Waiting {
-        start_at_s: state.clock.time_s + PAUSE_S,
+        start_at_s: state.clock.time_s + pause_s,
     };
 }
 
@@ -130,12 +141,16 @@ pub fn start_twin_when_due(state: &mut State) -> Vec<Effect> {
         Ok(scenario) => {
             state.compose.twin.id += 1;
             state.compose.twin.status = TwinStatus::Running { fraction: 0.0 };
+            state.compose.twin.pause_s = Some(state.clock.time_s - state.compose.twin.changed_at_s);
             effects.push(Effect::StartTwin {
                 id: state.compose.twin.id,
                 scenario,
             });
         }
-        Err(problems) => state.compose.twin.status = TwinStatus::Problems(problems),
+        Err(problems) => {
+            state.compose.twin.status = TwinStatus::Problems(problems);
+            super::program::judge(state);
+        }
     }
     effects
 }
@@ -166,10 +181,12 @@ pub fn twin_event(state: &mut State, event: Event) {
                 digest,
                 twin_version,
             });
+            super::program::judge(state);
         }
         Event::TwinProblems { id, problems } if id == twin.id => {
             twin.status = TwinStatus::Problems(problems);
             twin.result = None;
+            super::program::judge(state);
         }
         Event::TwinFailed { id, message } if id == twin.id => {
             twin.status = TwinStatus::Failed(message.clone());

@@ -1,8 +1,9 @@
 //! The live connection follows the run on the floor by itself.
 
 use crate::command::{Effect, Event};
-use crate::state::{LIVE_FRAMES_MAX, State};
+use crate::state::{LIVE_FRAMES_MAX, LIVE_LOG_MAX, Live, State};
 use api::live::LiveFrame;
+use api::note::Note;
 use uuid::Uuid;
 
 const RECONNECT_S: f64 = 1.0;
@@ -22,6 +23,8 @@ pub fn follow_active_run(state: &mut State) -> Vec<Effect> {
         if state.live.run != Some(run) {
             state.live.run = Some(run);
             state.live.frames.clear();
+            state.live.drawings = (0.0, Vec::new());
+            state.live.log.clear();
             state.live.frames_dropped = 0;
             state.live.unreadable = 0;
         }
@@ -46,7 +49,7 @@ pub fn event(state: &mut State, event: Event) {
 }
 
 fn take_frame(state: &mut State, run: Uuid, text: &str) {
-    let Ok(frame) = serde_json::from_str::<LiveFrame>(text) else {
+    let Ok(mut frame) = serde_json::from_str::<LiveFrame>(text) else {
         state.live.unreadable += 1;
         return;
     };
@@ -58,8 +61,10 @@ fn take_frame(state: &mut State, run: Uuid, text: &str) {
         }
         if frame.epoch > last.epoch {
             live.frames.clear();
+            live.log.clear();
         }
     }
+    take_notes(live, &mut frame);
     live.open = true;
     live.last_frame_at_s = state.clock.time_s;
     live.frames.push_back(frame);
@@ -67,4 +72,19 @@ fn take_frame(state: &mut State, run: Uuid, text: &str) {
         live.frames.pop_front();
         live.frames_dropped += 1;
     }
+}
+
+/// What the controller said goes to its log; of what it drew only the newest is kept.
+fn take_notes(live: &mut Live, frame: &mut LiveFrame) {
+    let mut drawings = Vec::new();
+    for note in std::mem::take(&mut frame.notes) {
+        match note {
+            Note::Log { text } => live.log.push_back((frame.time_s, text)),
+            drawing => drawings.push(drawing),
+        }
+    }
+    while live.log.len() > LIVE_LOG_MAX {
+        live.log.pop_front();
+    }
+    live.drawings = (frame.time_s, drawings);
 }

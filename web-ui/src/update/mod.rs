@@ -6,6 +6,7 @@ mod live;
 mod models;
 mod playback;
 mod polling;
+pub mod program;
 mod refusal;
 mod run;
 pub use compose::{DURATION_S, document_json, field_problems, submit_obstacle};
@@ -62,6 +63,11 @@ pub fn command(state: &mut State, command: Command) -> Vec<Effect> {
         Command::Download { url, file_name } => vec![Effect::Download { url, file_name }],
         Command::Gap(command) => gap::command(state, command),
         Command::Models(command) => models::command(state, command),
+        Command::Program(command) => program::command(state, command),
+        Command::ChooseLaw(law) => {
+            program::choose_law(state, law);
+            Vec::new()
+        }
         other => compose::command(state, other),
     }
 }
@@ -72,6 +78,10 @@ pub fn event(state: &mut State, event: Event) -> Vec<Effect> {
         Event::Answer { request, answer } => take_answer(state, request, answer),
         Event::LiveOpened { .. } | Event::LiveFrame { .. } | Event::LiveClosed { .. } => {
             live::event(state, event);
+            Vec::new()
+        }
+        Event::ModulePicked { name, bytes } => {
+            program::module_picked(state, name, bytes);
             Vec::new()
         }
         other => {
@@ -200,3 +210,5 @@ mod tests;
 mod tests_gap;
 #[cfg(test)]
 mod tests_models;
+#[cfg(test)]
+mod tests_program;

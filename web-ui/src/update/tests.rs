@@ -50,6 +50,7 @@ fn replay(frames: usize) -> Replay {
         format: "robopheus.replay/1".to_owned(),
         period_s: 0.1,
         robots: vec![robot],
+        notes: Vec::new(),
     }
 }
 

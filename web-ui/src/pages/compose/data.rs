@@ -2,7 +2,7 @@
 
 use crate::arena_view::{Ink, Scene, SceneRobot, Shape, Trail};
 use crate::error_measure::{path, pose_at, robot};
-use crate::pages::words;
+use crate::pages::{notes, words};
 use crate::state::{State, Submission, TwinResult, TwinStatus};
 use crate::theme::{self, Tone};
 use api::problem::FieldProblem;
@@ -57,6 +57,9 @@ pub fn scene(state: &State) -> Scene {
         });
     }
     scene.add_targets(experiment);
+    if let Some(result) = result.filter(|_| current) {
+        scene.drawings = notes::drawings_at(&result.replay.notes, compose.playback.time_s);
+    }
     scene
 }
 

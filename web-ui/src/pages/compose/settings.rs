@@ -1,18 +1,20 @@
 //! The panel at the left of the Compose page.
 
-use crate::command::Command;
+use crate::command::{Command, ProgramCommand};
 use crate::output::Output;
 use crate::pages::{parts, words};
 use crate::parameters;
-use crate::state::{State, Template};
+use crate::state::{Side, State, Template};
 use crate::theme::{self, Palette};
 use crate::update;
 use api::experiment::Mode;
-use egui::{Align, Button, CollapsingHeader, DragValue, Grid, Layout, RichText, Slider, TextEdit, Ui, vec2};
+use egui::{Align, Button, CollapsingHeader, ComboBox, DragValue, Grid, Layout, RichText, Slider, TextEdit, Ui, vec2};
 
 const NAME_WIDTH: f32 = 116.0;
 /// Width of a field with a figure and its unit.
 const FIGURE_WIDTH: f32 = 84.0;
+/// All laws are seen at once.
+const LAWS_HEIGHT: f32 = 420.0;
 
 pub fn show(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) {
     ui.add_space(f32::from(theme::PAGE_MARGIN));
@@ -166,10 +168,35 @@ fn experiment(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette
     );
 }
 
+/// Every law that an experiment may name, the own controller last.
+fn laws(ui: &mut Ui, chosen: &str, output: &mut Output) {
+    let list = ComboBox::from_id_salt("law")
+        .selected_text(parameters::law_name(chosen))
+        .width(ui.available_width())
+        .height(LAWS_HEIGHT);
+    let shown = list.show_ui(ui, |ui| {
+        for law in parameters::laws() {
+            let response = ui
+                .selectable_label(law == chosen, parameters::law_name(law))
+                .on_hover_text(parameters::law_explained(law));
+            output.on_click(format!("compose.law.{law}"), &response, Command::ChooseLaw(law));
+        }
+    });
+    output.mark("compose.laws", &shown.response);
+}
+
 fn law(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) {
     let experiment = &state.compose.experiment;
     parts::section(ui, "Control law");
-    ui.label(RichText::new(parameters::law_title(&experiment.control.law)).color(palette.faint_ink));
+    laws(ui, &experiment.control.law, output);
+    ui.label(RichText::new(parameters::law_explained(&experiment.control.law)).color(palette.faint_ink));
+    if update::program::is_own(experiment) {
+        let button = Button::new("Open the controller").min_size(vec2(0.0, theme::CONTROL_HEIGHT));
+        let response = ui.add(button);
+        let command = ProgramCommand::ShowSide(Side::Program);
+        output.on_click("compose.controller", &response, Command::Program(command));
+        return;
+    }
     for spec in parameters::specs(&experiment.control.law) {
         let mut value = parameters::value(experiment, spec);
         let hint = format!(
@@ -284,7 +311,7 @@ fn document(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) 
         );
         let copy = ui.add(Button::new("Copy"));
         output.on_click("compose.json.copy", &copy, Command::CopyDocument);
-        let text = update::document_json(state);
+        let text = super::program::data::readable_document(state);
         ui.add(
             TextEdit::multiline(&mut text.as_str())
                 .code_editor()

@@ -1,11 +1,11 @@
 //! How the Compose page looks: settings at the left, the arena, playback, and the twin's verdict with the way on.
 
-use super::{data, handles, settings};
+use super::{data, handles, program, settings};
 use crate::arena_view;
 use crate::command::Command;
 use crate::output::Output;
 use crate::pages::parts;
-use crate::state::{State, Submission};
+use crate::state::{Side, State, Submission};
 use crate::theme::{self, Palette};
 use crate::update;
 use egui::{
@@ -16,6 +16,10 @@ use egui::{
 const STRIP_HEIGHT: f32 = 128.0;
 const PLAYBACK_HEIGHT: f32 = 44.0;
 const SUBMIT_WIDTH: f32 = 190.0;
+/// The panel at the left while a controller is written: a share of the page.
+const WRITING_SHARE: f32 = 0.46;
+const WRITING_WIDTH_LEAST: f32 = 440.0;
+const WRITING_WIDTH_MOST: f32 = 760.0;
 
 pub fn show(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) {
     let side = Frame::new().fill(palette.ground).inner_margin(Margin {
@@ -24,11 +28,25 @@ pub fn show(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) 
         top: 0,
         bottom: 0,
     });
+    let own = update::program::is_own(&state.compose.experiment);
+    let writing = own && state.compose.program.side == Side::Program;
+    let width = if writing {
+        (ui.available_width() * WRITING_SHARE).clamp(WRITING_WIDTH_LEAST, WRITING_WIDTH_MOST)
+    } else {
+        theme::SIDE_WIDTH
+    };
     Panel::left("compose settings")
-        .exact_size(theme::SIDE_WIDTH)
+        .exact_size(width)
         .resizable(false)
         .frame(side)
         .show(ui, |ui| {
+            if own {
+                program::ui::sides(ui, state, output);
+            }
+            if writing {
+                program::ui::show(ui, state, output, palette);
+                return;
+            }
             ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
                 ui.set_width(theme::SIDE_WIDTH - f32::from(theme::PAGE_MARGIN) - 18.0);
                 settings::show(ui, state, output, palette);

@@ -39,6 +39,7 @@ pub fn scene(state: &State, run: &RunView) -> Scene {
     let Some(last) = state.live.frames.back() else {
         return scene;
     };
+    scene.drawings.clone_from(&state.live.drawings.1);
     for live in &last.robots {
         let index = experiment.robots.iter().position(|r| r.name == live.name).unwrap_or(0);
         let points = state
@@ -205,6 +206,12 @@ pub fn stages(state: &State) -> Vec<(String, String)> {
     let all = parts.into_iter().chain([("Light to robot", sum)]);
     all.map(|(name, ms)| (name.to_owned(), theme::fine_milliseconds(ms)))
         .collect()
+}
+
+/// Newest log lines of the run's own controller, with their times.
+pub fn log(state: &State) -> Vec<(f64, &str)> {
+    let lines = state.live.log.iter();
+    lines.map(|(time_s, text)| (*time_s, text.as_str())).collect()
 }
 
 /// Says how fresh the picture is.

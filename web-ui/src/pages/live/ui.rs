@@ -4,12 +4,14 @@ use super::data;
 use crate::arena_view;
 use crate::command::Command;
 use crate::output::Output;
-use crate::pages::{parts, words};
+use crate::pages::{notes, parts, words};
 use crate::state::{Page, State};
 use crate::theme::{self, Palette};
 use egui::{Align, Layout, RichText, ScrollArea, Ui, vec2};
 
 const SIDE_WIDTH: f32 = 268.0;
+const LOG_HEIGHT: f32 = 140.0;
+const LOG_TITLE_HEIGHT: f32 = 40.0;
 
 pub fn show(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) {
     let Some(run) = data::run(state) else {
@@ -48,8 +50,22 @@ pub fn show(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) 
         let height = ui.available_height();
         let width = ui.available_width() - SIDE_WIDTH - theme::SECTION_GAP;
         ui.allocate_ui_with_layout(vec2(width, height), Layout::top_down(Align::Min), |ui| {
-            let arena = arena_view::show(ui, &data::scene(state, run), height);
+            let lines = data::log(state);
+            let log_height = if lines.is_empty() { 0.0 } else { LOG_HEIGHT };
+            let arena = arena_view::show(ui, &data::scene(state, run), height - log_height);
             output.mark_rect("live.arena", arena.floor, true);
+            if !lines.is_empty() {
+                parts::section(ui, "Controller's log");
+                notes::log(
+                    ui,
+                    output,
+                    palette,
+                    "live.log",
+                    &lines,
+                    None,
+                    LOG_HEIGHT - LOG_TITLE_HEIGHT,
+                );
+            }
         });
         ui.add_space(theme::SECTION_GAP - theme::GAP);
         ui.allocate_ui_with_layout(vec2(SIDE_WIDTH, height), Layout::top_down(Align::Min), |ui| {

@@ -3,10 +3,11 @@
 use crate::arena_view::{Ink, Scene, SceneRobot, Shape, Trail};
 use crate::error_measure::{BAND_M, gap_m, path, path_errors_m, pose_at, robot};
 use crate::net;
-use crate::pages::words;
+use crate::pages::{notes, words};
 use crate::state::{Recording, State};
 use crate::theme::{self, Tone};
 use api::live::LiveFrame;
+use api::note::TickNotes;
 use api::run::RunView;
 use api::verdict::{Replay, ReplayRobot};
 use std::borrow::Cow;
@@ -67,6 +68,7 @@ fn replay_of_live(frames: &VecDeque<LiveFrame>) -> Option<Replay> {
         format: "robopheus.replay/1".to_owned(),
         period_s: PERIOD_S,
         robots,
+        notes: Vec::new(),
     })
 }
 
@@ -80,6 +82,7 @@ pub fn scene(state: &State, view: &RunView) -> Scene {
     scene.add_targets(experiment);
     let measured = physical(state);
     let time_s = state.run.playback.time_s;
+    scene.drawings = notes::drawings_at(controller_notes(state).0, time_s);
     for (index, named) in experiment.robots.iter().enumerate() {
         let shape = Shape::of(state.lab.robot(&named.name).map(|r| &r.description));
         let sources = [
@@ -111,6 +114,15 @@ pub fn scene(state: &State, view: &RunView) -> Scene {
         }
     }
     scene
+}
+
+/// What the run's own controller said and drew: on the robots, or else in the service's rehearsal.
+pub fn controller_notes(state: &State) -> (&[TickNotes], &'static str) {
+    let of = |recording: &'_ Recording| recording.replay().map(|replay| !replay.notes.is_empty()) == Some(true);
+    let run = &state.run;
+    let chosen = if of(&run.physical) { &run.physical } else { &run.twin };
+    let source = if of(&run.physical) { "in the run" } else { "in the twin" };
+    (chosen.replay().map_or(&[], |replay| &replay.notes), source)
 }
 
 /// A line of the error plot.

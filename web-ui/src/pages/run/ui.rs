@@ -4,7 +4,7 @@ use super::data;
 use crate::arena_view::{self, colour};
 use crate::command::Command;
 use crate::output::Output;
-use crate::pages::{parts, queue, words};
+use crate::pages::{notes, parts, queue, words};
 use crate::state::{Page, State};
 use crate::theme::{self, Palette, Tone};
 use crate::update;
@@ -14,6 +14,7 @@ use egui_plot::{HLine, Line, LineStyle, Plot, PlotPoints, VLine};
 
 const PLOT_SHARE: f32 = 0.36;
 const PLAYBACK_HEIGHT: f32 = 40.0;
+const LOG_HEIGHT: f32 = 150.0;
 
 pub fn show(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) {
     let ground = Frame::new().fill(palette.ground);
@@ -88,6 +89,7 @@ fn facts(ui: &mut Ui, state: &State, view: &RunView, output: &mut Output, palett
     ui.add_space(theme::SECTION_GAP);
     verdict(ui, view, output, palette);
     ui.add_space(theme::SECTION_GAP);
+    log(ui, state, output, palette);
     parts::section(ui, "Twin against twin");
     let (sentence, tone, facts) = data::digest(view);
     let ink = if tone == Tone::Neutral {
@@ -99,6 +101,19 @@ fn facts(ui: &mut Ui, state: &State, view: &RunView, output: &mut Output, palett
     parts::facts(ui, palette, "digest facts", &facts);
     ui.add_space(theme::SECTION_GAP);
     downloads(ui, view, output, palette);
+    ui.add_space(theme::SECTION_GAP);
+}
+
+/// The lines of the run's own controller, when it said anything.
+fn log(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) {
+    let (ticks, source) = data::controller_notes(state);
+    let lines = notes::lines(ticks);
+    if lines.is_empty() {
+        return;
+    }
+    parts::section(ui, &format!("Controller's log {source}"));
+    let now_s = state.run.playback.time_s;
+    notes::log(ui, output, palette, "run.log", &lines, Some(now_s), LOG_HEIGHT);
     ui.add_space(theme::SECTION_GAP);
 }
 

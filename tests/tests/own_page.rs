@@ -1,0 +1,187 @@
+//! A controller of one's own in a real browser: written with a mistake, mended, tried in the twin, submitted, watched, looked at.
+
+use anyhow::ensure;
+use api::run::RunState;
+use serde_json::Value;
+use std::time::Duration;
+use system_tests::{Archive, Browser, System, repository};
+
+const LIMIT: Duration = Duration::from_secs(90);
+
+fn pictures() -> std::path::PathBuf {
+    repository().join("target/pictures")
+}
+
+/// Drives the robot of the story to the right, says where they are and draws how far they still have to go.
+const MENDED: &str = r#"fn step(now) {
+    for robot in now.robots {
+        let left = parameter("goal_x_m", 0.3) - robot.x_m;
+        velocity(robot.index, clamp(left, -0.25, 0.25), 0.0);
+        line(robot.x_m, robot.y_m, robot.x_m + left, robot.y_m, 1);
+        point(robot.x_m + left, robot.y_m, 2);
+        text(robot.x_m, robot.y_m + 0.35, `${now.tick / 120} s`, 6);
+        if now.tick % 60 == 0 { print(`${robot.name} is ${left} from its goal`); }
+        if abs(left) < 0.05 { stop(robot.index); finished(robot.index); }
+    }
+}
+"#;
+
+fn program(seen: &Value) -> &Value {
+    &seen["state"]["compose"]
+}
+
+/// The rehearsal of what is written now has ended.
+fn settled(seen: &Value) -> bool {
+    seen["state"]["twin"]["running"] == false
+}
+
+fn mistake_line(seen: &Value) -> Option<u64> {
+    program(seen)["mistake"][0][0].as_u64()
+}
+
+/// Everything in the editor is replaced by a text, typed.
+async fn write(browser: &Browser, text: &str) -> anyhow::Result<()> {
+    browser.click("compose.editor").await?;
+    browser.press_control('a').await?;
+    // Lines of a real keyboard are indented by the editor; these are typed without their blanks.
+    browser
+        .type_text(&text.lines().map(str::trim).collect::<Vec<_>>().join("\n"))
+        .await
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn somebody_writes_a_controller_and_sees_robots_follow_it() -> anyhow::Result<()> {
+    let system = System::start("own-page").await?;
+    let browser = Browser::open(&system.base, &system.data).await?;
+    browser
+        .wait("the first rehearsal", LIMIT, |seen| {
+            seen["state"]["twin"]["status"] == "done"
+        })
+        .await?;
+
+    // An own controller from the list of laws; the editor opens with an example.
+    browser.click("compose.laws").await?;
+    browser.click("compose.law.own").await?;
+    let opened = |seen: &Value| program(seen)["script"].is_string() && seen["widgets"]["compose.editor"].is_object();
+    browser.wait("the editor", LIMIT, opened).await?;
+    browser.picture(&pictures().join("own-opened.png")).await?;
+
+    // A mistake that the compiler finds.
+    write(&browser, "fn step(now) {\nlet x = ;\n}\n").await?;
+    let seen = browser
+        .wait("the mistake's line", LIMIT, |seen| {
+            settled(seen) && mistake_line(seen).is_some()
+        })
+        .await?;
+    ensure!(mistake_line(&seen) == Some(2), "{}", program(&seen)["mistake"]);
+    ensure!(
+        seen["widgets"]["compose.mistake"].is_object(),
+        "no sentence under the editor"
+    );
+    browser.picture(&pictures().join("own-mistake.png")).await?;
+
+    // Words are completed by keyboard.
+    write(&browser, "fn step(now) {\nvelo").await?;
+    browser
+        .wait("the list of words", LIMIT, |seen| {
+            seen["widgets"]["compose.words"].is_object()
+        })
+        .await?;
+    browser.picture(&pictures().join("own-words.png")).await?;
+    browser.press_enter().await?;
+    browser
+        .wait("the completed word", LIMIT, |seen| {
+            program(seen)["script"]
+                .as_str()
+                .is_some_and(|text| text.ends_with("velocity("))
+        })
+        .await?;
+
+    // A mistake that only a tick finds.
+    write(&browser, &MENDED.replace("now.tick % 60", "now.ticks % 60")).await?;
+    let seen = browser
+        .wait("the line of the tick that failed", LIMIT, |seen| {
+            settled(seen) && mistake_line(seen) == Some(8)
+        })
+        .await?;
+    println!("{}", program(&seen)["mistake"]);
+
+    // Mended: robots move in the twin, with log and drawings; the twin started soon after the last key.
+    write(&browser, MENDED).await?;
+    let seen = browser
+        .wait("an accepted rehearsal", LIMIT, |seen| {
+            settled(seen) && seen["state"]["twin"]["accepted"] == true && mistake_line(seen).is_none()
+        })
+        .await?;
+    let pause_s = seen["state"]["twin"]["pause_s"].as_f64().unwrap_or(f64::NAN);
+    println!("the twin started {pause_s:.3} s after the last key");
+    ensure!(
+        program(&seen)["log_lines"].as_u64() > Some(3),
+        "{}",
+        program(&seen)["log_lines"]
+    );
+    browser.click("compose.play").await?;
+    browser
+        .wait("drawings beside moving robots", LIMIT, |seen| {
+            program(seen)["playback_s"].as_f64() > Some(1.0) && program(seen)["drawings"].as_u64() >= Some(2)
+        })
+        .await?;
+    browser.picture(&pictures().join("own-twin.png")).await?;
+
+    // On the robots.
+    browser.press_control_enter().await?;
+    let seen = browser
+        .wait("the submission", LIMIT, |seen| {
+            seen["state"]["queue"]["runs"][0][0].is_string()
+        })
+        .await?;
+    let id: uuid::Uuid = seen["state"]["queue"]["runs"][0][0]
+        .as_str()
+        .unwrap_or_default()
+        .parse()?;
+    system.wait_for_state(id, RunState::Running, LIMIT).await?;
+    browser.click("nav.live").await?;
+    browser
+        .wait("log and drawings of the running controller", LIMIT, |seen| {
+            let live = &seen["state"]["live"];
+            live["log_lines"].as_u64() > Some(1)
+                && live["drawings"].as_u64() >= Some(2)
+                && live["tick"].as_i64() > Some(120)
+        })
+        .await?;
+    browser.picture(&pictures().join("own-live.png")).await?;
+
+    let run = system.wait_until_ended(id, LIMIT).await?;
+    ensure!(run.state == RunState::Done, "{:?}", run.fault);
+    browser.click("nav.run").await?;
+    browser
+        .wait("the recorded notes", LIMIT, |seen| {
+            let run = &seen["state"]["run"];
+            run["has_track"] == true && run["notes_of"] == "in the run" && run["log_lines"].as_u64() > Some(3)
+        })
+        .await?;
+    browser.click("run.play").await?;
+    browser
+        .wait("drawings at playback", LIMIT, |seen| {
+            let run = &seen["state"]["run"];
+            run["playback_s"].as_f64() > Some(1.0) && run["drawings"].as_u64() >= Some(2)
+        })
+        .await?;
+    browser.picture(&pictures().join("own-run.png")).await?;
+
+    let archive = system
+        .download(&format!("/api/v1/runs/{id}/archive"))
+        .await
+        .and_then(Archive::open)?;
+    let log = String::from_utf8_lossy(archive.member("log.txt")?).into_owned();
+    ensure!(log.contains("controller: omni-01 is "), "{log}");
+    let recorded = archive.member("run.mcap")?;
+    let topic = b"/controller/notes";
+    ensure!(
+        recorded.windows(topic.len()).any(|part| part == topic),
+        "no notes in run.mcap"
+    );
+    browser.close().await?;
+    system.stop()?;
+    Ok(())
+}

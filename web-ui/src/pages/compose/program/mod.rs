@@ -1,0 +1,4 @@
+//! The panel in which an own controller is written.
+
+pub mod data;
+pub mod ui;
