@@ -184,11 +184,11 @@ impl PoseTrack {
             if unchanged && self.travel_since_change_m > FROZEN_TRAVEL_M {
                 return Belief::Frozen;
             }
-            let [beyond_m, beyond_rad] = self.beyond(&last, &sample);
-            if beyond_m > IMPOSTOR_M || beyond_rad > IMPOSTOR_RAD || self.goes_on(&sample) {
+            if self.is_impostor(&last, &sample) {
                 self.impostor = Some(sample);
                 return Belief::Jump;
             }
+            let [beyond_m, beyond_rad] = self.beyond(&last, &sample);
             if beyond_m > 0.0 || beyond_rad > 0.0 {
                 return Belief::Jump;
             }
@@ -205,6 +205,19 @@ impl PoseTrack {
         self.odometer_at_pose_m = self.odometer_at_m(sample.exposure_us);
         self.velocity = velocity.filter(|velocity| velocity.iter().all(|part| part.is_finite()));
         Belief::Accepted
+    }
+
+    /// A place at which the cameras together do not believe the robot. They give in after a while; this remembers how it began.
+    pub fn refused(&mut self, sample: PoseSample) {
+        if self.newest().is_some_and(|last| self.is_impostor(&last, &sample)) {
+            self.impostor = Some(sample);
+        }
+    }
+
+    /// True for a pose that is far from anything possible, and for those that go on from one.
+    fn is_impostor(&self, last: &PoseSample, sample: &PoseSample) -> bool {
+        let [beyond_m, beyond_rad] = self.beyond(last, sample);
+        beyond_m > IMPOSTOR_M || beyond_rad > IMPOSTOR_RAD || self.goes_on(sample)
     }
 
     /// How far a pose is beyond what the robot can have done, m and rad; positive is a jump.
@@ -360,6 +373,23 @@ mod tests {
             let expected = if lie_m == 0.0 { Belief::Accepted } else { Belief::Jump };
             assert_eq!(belief, expected, "{k}");
         }
+    }
+
+    /// The same where the cameras' fusion refuses the lie itself for half a second and then takes it for the robot.
+    #[test]
+    fn a_lie_that_the_cameras_give_in_to_is_not_believed() {
+        let mut track = PoseTrack::new(LIMITS);
+        track.observe(at(0, 0.0, 0.0, 0.0), None);
+        for k in 1..60 {
+            track.refused(at(k, 0.4, 0.0, 0.0));
+        }
+        for k in 60..90 {
+            assert_eq!(track.observe(at(k, 0.4, 0.0, 0.0), None), Belief::Jump, "{k}");
+        }
+        // Without the refusals it is a robot that was not seen for half a second.
+        let mut track = PoseTrack::new(LIMITS);
+        track.observe(at(0, 0.0, 0.0, 0.0), None);
+        assert_eq!(track.observe(at(60, 0.4, 0.0, 0.0), None), Belief::Accepted);
     }
 
     /// Half a turn is a lie for as long as it is told, not until the robot could have turned.

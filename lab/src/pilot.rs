@@ -6,7 +6,7 @@ use crate::delay::DelayMeter;
 use crate::ear::{STATUS_LATCHED, STATUS_STOPPED};
 use crate::estimator::{Belief, PoseSample, PoseTrack};
 use crate::notes;
-use crate::pose_frame::PoseFrame;
+use crate::pose_frame::{PoseFrame, SeenPose};
 use crate::record::{Command, Intervention, Log, LogLevel, Picture, Pose, Record, SafetyKind, Telemetry};
 use crate::robot_limits::RobotLimits;
 use crate::safety::{Ending, Inputs, Permission, RobotHealth, Safety, Signals};
@@ -240,18 +240,23 @@ impl Pilot {
             arrival_us: frame.arrival_us,
             robots: frame.poses.len() as u32,
         }));
+        let sample = |pose: &SeenPose| PoseSample {
+            exposure_us: frame.exposure_us,
+            x_m: pose.x_m,
+            y_m: pose.y_m,
+            yaw_rad: pose.yaw_rad,
+        };
+        for pose in &frame.refused {
+            if let Some(robot) = self.robots.iter_mut().find(|robot| robot.number == pose.number) {
+                robot.track.refused(sample(pose));
+            }
+        }
         for pose in &frame.poses {
             let Some(robot) = self.robots.iter_mut().find(|robot| robot.number == pose.number) else {
                 self.strangers.see(pose, frame.exposure_us);
                 continue;
             };
-            let sample = PoseSample {
-                exposure_us: frame.exposure_us,
-                x_m: pose.x_m,
-                y_m: pose.y_m,
-                yaw_rad: pose.yaw_rad,
-            };
-            let belief = robot.track.observe(sample, pose.velocity);
+            let belief = robot.track.observe(sample(pose), pose.velocity);
             robot.log_disbelief(belief, now_us, sink);
             if belief == Belief::Accepted {
                 robot.delay.seen(frame.exposure_us, robot.track.twist());

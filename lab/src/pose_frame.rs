@@ -17,6 +17,8 @@ pub struct PoseFrame {
     /// The poses reached the laboratory's process.
     pub arrival_us: i64,
     pub poses: Vec<SeenPose>,
+    /// Robots that were seen where the cameras together do not believe them; without velocity.
+    pub refused: Vec<SeenPose>,
 }
 
 /// A robot in a picture.

@@ -74,18 +74,23 @@ impl Fuser {
         if admission != Admission::Used {
             return None;
         }
-        let used = observation.poses.iter().zip(&self.outcomes);
-        let used = used.filter(|(_, outcome)| **outcome == TagOutcome::Used);
-        let poses = used.filter_map(|(pose, _)| {
-            let fused = self.fusion.pose(pose.robot, observation.exposure_us);
-            Some(SeenPose {
-                number: u8::try_from(pose.robot).ok()?,
-                x_m: pose.x_m,
-                y_m: pose.y_m,
-                yaw_rad: pose.yaw_rad,
-                velocity: fused.map(|fused| [fused.vx_m_per_s, fused.vy_m_per_s, fused.yaw_rate_rad_per_s]),
-            })
-        });
+        let seen = |wanted: TagOutcome| -> Vec<SeenPose> {
+            let poses = observation.poses.iter().zip(&self.outcomes);
+            let poses = poses.filter(|(_, outcome)| **outcome == wanted);
+            let seen = poses.filter_map(|(pose, _)| {
+                let fused = self.fusion.pose(pose.robot, observation.exposure_us);
+                let fused = fused.filter(|_| wanted == TagOutcome::Used);
+                Some(SeenPose {
+                    number: u8::try_from(pose.robot).ok()?,
+                    x_m: pose.x_m,
+                    y_m: pose.y_m,
+                    yaw_rad: pose.yaw_rad,
+                    velocity: fused.map(|fused| [fused.vx_m_per_s, fused.vy_m_per_s, fused.yaw_rate_rad_per_s]),
+                })
+            });
+            seen.collect()
+        };
+        let (poses, refused) = (seen(TagOutcome::Used), seen(TagOutcome::Jump));
         Some(PoseFrame {
             frame: observation.sequence,
             camera: name,
@@ -93,7 +98,8 @@ impl Fuser {
             received_us: sighting.received_us,
             located_us: sighting.located_us,
             arrival_us: now_us,
-            poses: poses.collect(),
+            poses,
+            refused,
         })
     }
 

@@ -61,5 +61,6 @@ fn frame(line: &[u8], camera: &mut CameraName) -> io::Result<PoseFrame> {
         located_us: arrival_us,
         arrival_us,
         poses: parsed.poses.into_iter().map(seen).collect(),
+        refused: Vec::new(),
     })
 }
