@@ -107,7 +107,7 @@ pub fn playback_bar(ui: &mut Ui, output: &mut Output, playback: &Playback, durat
     let enabled = duration_s > 0.0;
     ui.horizontal(|ui| {
         let (mark, hint) = if playback.playing {
-            ("\u{23f8}  Pause", "Pause (space)")
+            ("||  Pause", "Pause (space)")
         } else {
             ("\u{25b6}  Play", "Play (space)")
         };

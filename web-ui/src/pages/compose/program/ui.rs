@@ -72,7 +72,7 @@ pub fn show(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) 
 
 fn tools(ui: &mut Ui, state: &State, output: &mut Output) {
     ui.horizontal(|ui| {
-        let menu = ui.menu_button("Examples \u{23f7}", |ui| {
+        let menu = ui.menu_button("Examples", |ui| {
             ui.set_min_width(MENU_WIDTH);
             for (place, example) in SCRIPTS.iter().enumerate() {
                 let button = Button::new(example.title).frame(false).min_size(vec2(MENU_WIDTH, 26.0));
