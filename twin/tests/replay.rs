@@ -135,7 +135,7 @@ fn fewer_readings_are_the_same_readings() {
             panic!("refused: {effects:?}")
         };
         for every in [8, 360, 1440] {
-            let kept = |k: &usize| k % 8 == 0 && *k < 960 || k % every == 0;
+            let kept = |k: &usize| k.is_multiple_of(8) && *k < 960 || k.is_multiple_of(every);
             let places: Vec<usize> = (0..dense.len()).filter(kept).collect();
             let rows: Vec<CommandRow> = places.iter().map(|&k| dense[k]).collect();
             let Ok(sparse) = replay(&robot, start, &rows) else {
