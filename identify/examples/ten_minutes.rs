@@ -1,6 +1,7 @@
 //! CPU seconds of a diagnosis of ten minutes of logs with the whole library on one thread, by stage.
 //!
-//! `cargo xtask bench identify`, or `cargo run --release -p identify --example ten_minutes -- [CHASSIS] [EFFECT] [SIZE] [SEED]`.
+//! `cargo xtask bench identify`, or
+//! `cargo run --release -p identify --example ten_minutes -- [CHASSIS] [EFFECT] [SIZE] [SEED] [REPORT]`, which writes report.json.
 //! The logs are thirty runs of 20 s of the emulator's plant, ten of them references; making them is not counted. The diagnosis
 //! is serial, so what passes between two calls of it is its own: a stage is what it says of itself ([`Workers::progress`]), and
 //! within a round what comes before the first fit is screening.
@@ -151,6 +152,12 @@ fn main() -> ExitCode {
         "{chassis}, {effect} {size} hidden: {:?}, named {names:?}, {} rounds",
         found.report.verdict, watch.rounds
     );
+    if let Some(path) = arguments.get(4)
+        && let Err(error) = std::fs::write(path, serde_json::to_string_pretty(&found.report).unwrap_or_default())
+    {
+        eprintln!("cannot write {path}: {error}");
+        return ExitCode::FAILURE;
+    }
     println!("{} runs of {SECONDS} s, one thread", REFERENCES + RUNS);
     println!("{:<12} {:>8} {:>7}", "stage", "CPU s", "share");
     for (stage, name) in [

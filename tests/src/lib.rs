@@ -5,12 +5,14 @@ mod bare_loop;
 mod browser;
 pub mod circle;
 mod laboratory;
+mod live_reader;
 mod system;
 
 pub use archive::{Archive, ParquetSummary};
 pub use bare_loop::{BareLoop, BareTicks};
 pub use browser::Browser;
 pub use laboratory::{ask_hand, ask_stop_port};
+pub use live_reader::{LiveReader, Seen};
 pub use system::{System, repository};
 
 use std::time::{Duration, Instant};

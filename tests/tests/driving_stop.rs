@@ -25,6 +25,9 @@ const SEEN_M: f64 = 0.003;
 const SEEN_M_PER_S: f64 = 0.03;
 const LOOK: Duration = Duration::from_millis(50);
 
+/// Of all robots, whose way may be unknown since the tracker's poses came late to the drill.
+const UNSEEN_SHARE: f64 = 0.02;
+
 /// Four robots on their way to the opposite corners.
 fn experiment() -> Value {
     let path = repository().join("examples/experiments/swap-corners.json");
@@ -38,6 +41,8 @@ struct Figures {
     gaps: Vec<Duration>,
     /// Robots that were faster than 0.1 m/s.
     driving: usize,
+    /// Robots whose way is unknown: no pose of theirs came in one of the spans.
+    unseen: usize,
     /// Way from the press to rest over its bound, the way, and the speed.
     worst: (f64, f64, f64),
 }
@@ -53,9 +58,12 @@ impl Figures {
             let starts = (0..6).map(|step| pressed + step * LOOK - 2 * LOOK);
             let speeds = starts.filter_map(|start| poses.speed_m_per_s(robot, start, 2 * LOOK));
             let speed = speeds.fold(0.0, f64::max);
-            let (here, there) = here.zip(there).with_context(|| format!("robot {robot} was not seen"))?;
-            let rests = speed_after.is_some_and(|speed| speed < SEEN_M_PER_S);
-            ensure!(rests, "robot {robot} moves 1.5 s after the press: {speed_after:?} m/s");
+            let (Some((here, there)), Some(speed_after)) = (here.zip(there), speed_after) else {
+                self.unseen += 1;
+                continue;
+            };
+            let rests = speed_after < SEEN_M_PER_S;
+            ensure!(rests, "robot {robot} moves 1.5 s after the press: {speed_after} m/s");
             if speed < 0.1 {
                 continue;
             }
@@ -71,24 +79,32 @@ impl Figures {
         Ok(())
     }
 
+    /// What was measured by so many presses; called before an error ends the drill as well.
     fn report(mut self, name: &str, count: usize) -> anyhow::Result<()> {
+        ensure!(!self.firsts.is_empty(), "no press was measured");
         self.firsts.sort();
         self.gaps.sort();
         let at = |times: &[Duration], share: f64| times[((share * times.len() as f64).ceil() as usize).max(1) - 1];
         let p99 = at(&self.firsts, 0.99);
         let (share, way_m, speed) = self.worst;
         println!(
-            "S10 {name}: {count} presses, {} of {} robots faster than 0.1 m/s, {:.0} % of frames lost, PostgreSQL stopped: first stop \
+            "S10 {name}: {count} presses, {} of {} robots faster than 0.1 m/s, way of {} not seen, {:.0} % of frames lost, PostgreSQL stopped: first stop \
              frame p50 {:?} p99 {p99:?} most {:?}; between two at most {:?}; way at most {share:.2} of its bound ({way_m:.3} m \
              from {speed:.2} m/s)",
             self.driving,
             4 * count,
+            self.unseen,
             100.0 * LOSS,
             at(&self.firsts, 0.5),
             at(&self.firsts, 1.0),
             at(&self.gaps, 1.0),
         );
         ensure!(2 * self.driving >= 4 * count, "too few robots drove: {}", self.driving);
+        ensure!(
+            self.unseen as f64 <= UNSEEN_SHARE * 4.0 * count as f64,
+            "the ways of {} robots were not seen",
+            self.unseen
+        );
         ensure!(p99 <= FIRST_P99, "p99 {p99:?} of {count} presses");
         ensure!(share <= 1.0, "{way_m} m from {speed} m/s");
         Ok(())
@@ -144,9 +160,12 @@ async fn presses(name: &str, count: usize) -> anyhow::Result<()> {
     for number in 0..count {
         // 0.8 to 3 s after the start, spread evenly.
         let wait = Duration::from_millis(800 + (number as u64 * 1361) % 2200);
-        one_press(&system, &rig, &poses, wait, &mut figures)
-            .await
-            .with_context(|| format!("press {number}"))?;
+        if let Err(error) = one_press(&system, &rig, &poses, wait, &mut figures).await {
+            let measured = figures.firsts.len();
+            let report = figures.report(name, measured);
+            println!("S10 {name}: ended by press {number} of {count}; what was measured until then: {report:?}");
+            return Err(error.context(format!("press {number}")));
+        }
     }
     figures.report(name, count)
 }

@@ -4,7 +4,7 @@
 use api::run::{RunState, RunView};
 use serde_json::Value;
 use std::time::Duration;
-use system_tests::{Archive, System, repository};
+use system_tests::{Archive, LiveReader, System, repository};
 
 const PROCESSES: [&str; 8] = [
     "simulate",
@@ -17,6 +17,11 @@ const PROCESSES: [&str; 8] = [
     "postgres",
 ];
 
+/// What a crash of the laboratory may lose of a run.
+const LOST_S: f64 = 0.5;
+/// Ticks that a run may miss when what stands beside it dies, where a busy machine may take its processors away.
+const MISSED_SHARE: f64 = 0.02;
+
 fn experiment(duration_s: f64) -> Value {
     let path = repository().join("examples/experiments/rectangle-omni4.json");
     let mut experiment: Value = serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
@@ -24,8 +29,8 @@ fn experiment(duration_s: f64) -> Value {
     experiment
 }
 
-/// One run in which `process` is killed in mid motion; returns how the run ended.
-async fn killed_run(system: &System, process: &str) -> anyhow::Result<RunView> {
+/// One run in which `process` is killed in mid motion; returns how the run ended, and the newest tick that its live page had seen by then.
+async fn killed_run(system: &System, process: &str) -> anyhow::Result<(RunView, i64)> {
     let id = system.submit(&experiment(12.0), None).await?;
     let run = system
         .wait_for_state(id, RunState::Running, Duration::from_secs(60))
@@ -35,9 +40,12 @@ async fn killed_run(system: &System, process: &str) -> anyhow::Result<RunView> {
         "{process}: ended early: {:?}",
         run.fault
     );
+    let page = LiveReader::open(&system.base, id).await?;
     tokio::time::sleep(Duration::from_secs(2)).await; // let it record something: two seconds of motion
     let before = system.up_file()?.pids;
+    let seen = page.seen().newest.map_or(0, |frame| frame.tick);
     system.kill_9(process)?;
+    drop(page);
     let run = system.wait_until_ended(id, Duration::from_secs(60)).await?;
     let after = system.up_file()?.pids;
     for other in PROCESSES.iter().filter(|name| **name != process) {
@@ -46,14 +54,14 @@ async fn killed_run(system: &System, process: &str) -> anyhow::Result<RunView> {
             "killing {process} took {other} with it"
         );
     }
-    Ok(run)
+    Ok((run, seen))
 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn any_one_process_may_die_during_a_run() -> anyhow::Result<()> {
     let system = System::start("kill").await?;
     for process in PROCESSES {
-        let run = killed_run(&system, process).await?;
+        let (run, seen) = killed_run(&system, process).await?;
         let fault = run
             .fault
             .as_ref()
@@ -76,12 +84,35 @@ async fn any_one_process_may_die_during_a_run() -> anyhow::Result<()> {
         // The laboratory may still be saving what the crash left.
         let what = format!("the archive after killing {process}");
         let path = format!("/api/v1/runs/{}/archive", run.id);
-        let rows = system_tests::wait_for(&what, Duration::from_secs(40), || async {
-            let telemetry = async { Archive::open(system.download(&path).await?)?.telemetry("omni-01") };
-            Ok(telemetry.await.ok().map(|telemetry| telemetry.rows))
+        let (rows, manifest) = system_tests::wait_for(&what, Duration::from_secs(40), || async {
+            let saved = async {
+                let archive = Archive::open(system.download(&path).await?)?;
+                anyhow::Ok((archive.telemetry("omni-01")?.rows, archive.manifest))
+            };
+            Ok(saved.await.ok())
         })
         .await?;
-        anyhow::ensure!(rows >= 180, "killed {process}: only {rows} rows saved of two seconds");
+        let ticks = |name: &str| manifest[name].as_f64().unwrap_or(f64::NAN);
+        let (recorded, missed) = (ticks("ticks_recorded"), ticks("ticks_missed"));
+        // Telemetry has a row a recorded tick of the motion.
+        let lost_s = (seen as f64 - missed.max(0.0) - rows as f64) / 120.0;
+        println!(
+            "killed {process}: tick {seen} seen live, {rows} rows saved, {recorded} ticks recorded, {missed} missed, {lost_s:.3} s lost"
+        );
+        anyhow::ensure!(
+            seen >= 120,
+            "killed {process}: the live page saw {seen} ticks of two seconds only"
+        );
+        anyhow::ensure!(
+            lost_s <= LOST_S,
+            "killed {process}: {lost_s} s of what was seen live are not saved"
+        );
+        if ["simulate", "learning"].contains(&process) {
+            anyhow::ensure!(
+                missed <= MISSED_SHARE * (recorded + missed),
+                "killed {process}: {missed} ticks of {recorded} missed"
+            );
+        }
         // And the next run works by itself.
         let next = system.submit(&experiment(2.0), None).await?;
         let next = system.wait_until_ended(next, Duration::from_secs(90)).await?;

@@ -43,7 +43,7 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
     let mut after = with_members(&case.floor.model, &members);
     let mut verdict = verdict(case);
     let levels = &case.levels;
-    if let Some(louder) = louder(&levels.references, &levels.after)
+    if let Some(louder) = louder(&levels.after)
         && matches!(verdict, Verdict::Unexplained | Verdict::Partial)
     {
         case.remarks.push(louder.words());
@@ -97,7 +97,7 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
 
 fn verdict(case: &Case) -> Verdict {
     let levels = &case.levels;
-    let real = case.energy_before > case.energy_limit || louder(&levels.references, &levels.before).is_some();
+    let real = case.energy_before > case.energy_limit || louder(&levels.before).is_some();
     let naming: Vec<&Taken> = case.taken.iter().filter(|taken| !taken.tiny).collect();
     if naming.is_empty() {
         return if real {
@@ -114,8 +114,7 @@ fn verdict(case: &Case) -> Verdict {
         return Verdict::Unexplained;
     }
     let remains = remains
-        || louder(&levels.references, &levels.after)
-            .is_some_and(|louder| share_left(&levels.references, &levels.before, &levels.after, louder.class) > REST);
+        || louder(&levels.after).is_some_and(|louder| share_left(&levels.before, &levels.after, louder.class) > REST);
     let validation = case.roles.iter().filter(|role| **role == Role::Validation).count();
     if naming.iter().any(|taken| !other_names(taken).is_empty()) {
         return Verdict::Ambiguous;

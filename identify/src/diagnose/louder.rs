@@ -30,6 +30,14 @@ pub(super) struct RunLevel {
     liveliness: f64,
 }
 
+/// Runs beside the references, both under the same model and in the same units of noise.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Compared {
+    /// Empty without references.
+    pub references: Vec<RunLevel>,
+    pub runs: Vec<RunLevel>,
+}
+
 /// A channel that is louder than in the references.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Louder {
@@ -78,7 +86,8 @@ fn level(record: &Record, rest: &[f64]) -> RunLevel {
 }
 
 /// The channel that is louder most clearly, if any is.
-pub(super) fn louder(references: &[RunLevel], runs: &[RunLevel]) -> Option<Louder> {
+pub(super) fn louder(compared: &Compared) -> Option<Louder> {
+    let Compared { references, runs } = compared;
     let liveliest = references.iter().map(|run| run.liveliness).fold(0.0, f64::max);
     let alike: Vec<&RunLevel> = runs
         .iter()
@@ -106,14 +115,16 @@ pub(super) fn louder(references: &[RunLevel], runs: &[RunLevel]) -> Option<Loude
         .max_by(|a, b| a.score.total_cmp(&b.score))
 }
 
-/// Share of what made a channel louder that is there still: of the energy above the references'.
-pub(super) fn share_left(references: &[RunLevel], before: &[RunLevel], after: &[RunLevel], class: usize) -> f64 {
-    let mean = |runs: &[RunLevel]| {
-        let known: Vec<f64> = runs.iter().filter_map(|run| run.log_energy[class]).collect();
-        libm::exp(moments(&known).0)
+/// Share of what made a channel louder that is there still: of the energy above the references', each in units of its own floor.
+pub(super) fn share_left(before: &Compared, after: &Compared, class: usize) -> f64 {
+    let excess = |compared: &Compared| {
+        let mean = |runs: &[RunLevel]| {
+            let known: Vec<f64> = runs.iter().filter_map(|run| run.log_energy[class]).collect();
+            moments(&known).0
+        };
+        libm::exp(mean(&compared.runs) - mean(&compared.references)) - 1.0
     };
-    let floor = mean(references);
-    (mean(after) - floor) / (mean(before) - floor).max(1e-9)
+    excess(after) / excess(before).max(1e-9)
 }
 
 /// Mean and sum of squares about it.
@@ -140,6 +151,13 @@ mod tests {
             .collect()
     }
 
+    fn beside(references: &[RunLevel], runs: Vec<RunLevel>) -> Compared {
+        Compared {
+            references: references.to_vec(),
+            runs,
+        }
+    }
+
     /// Levels that scatter as stated: hardly ever louder; a gyro of twelve times the energy: always.
     #[test]
     fn chance_is_not_louder_and_a_loud_channel_is() {
@@ -147,8 +165,8 @@ mod tests {
         let (mut chance, mut missed) = (0, 0);
         for _ in 0..2000 {
             let references = runs(4, 0.0, 2.0, &mut random);
-            chance += usize::from(louder(&references, &runs(4, 0.0, 2.0, &mut random)).is_some());
-            let loud = louder(&references, &runs(4, 2.5, 2.0, &mut random));
+            chance += usize::from(louder(&beside(&references, runs(4, 0.0, 2.0, &mut random))).is_some());
+            let loud = louder(&beside(&references, runs(4, 2.5, 2.0, &mut random)));
             missed += usize::from(loud.is_none_or(|loud| loud.class != GYRO || loud.ratio < 4.0));
         }
         assert!(chance <= 20 && missed <= 2, "{chance} {missed}");
@@ -158,21 +176,24 @@ mod tests {
     fn livelier_runs_and_single_ones_say_nothing() {
         let mut random = Random::new(6, 1);
         let references = runs(4, 0.0, 2.0, &mut random);
-        assert!(louder(&references, &runs(4, 4.0, 2.3, &mut random)).is_none());
-        assert!(louder(&references, &runs(1, 4.0, 2.0, &mut random)).is_none());
-        assert!(louder(&references[..1], &runs(4, 4.0, 2.0, &mut random)).is_none());
-        assert!(louder(&references, &runs(4, 4.0, 2.1, &mut random)).is_some());
+        assert!(louder(&beside(&references, runs(4, 4.0, 2.3, &mut random))).is_none());
+        assert!(louder(&beside(&references, runs(1, 4.0, 2.0, &mut random))).is_none());
+        assert!(louder(&beside(&references[..1], runs(4, 4.0, 2.0, &mut random))).is_none());
+        assert!(louder(&beside(&references, runs(4, 4.0, 2.1, &mut random))).is_some());
     }
 
+    /// Nine times the energy of the references before; twice it after, when the references themselves have become ten times quieter.
     #[test]
-    fn what_is_left_is_counted_above_the_references() {
+    fn what_is_left_is_counted_above_the_references_of_its_own_model() {
         let of = |level: f64| {
             vec![RunLevel {
-                log_energy: [Some(level); CLASSES],
+                log_energy: [Some(libm::log(level)); CLASSES],
                 liveliness: 1.0,
             }]
         };
-        let share = share_left(&of(0.0), &of(libm::log(9.0)), &of(libm::log(3.0)), GYRO);
+        let share = share_left(&beside(&of(1.0), of(9.0)), &beside(&of(0.1), of(0.2)), GYRO);
+        assert!((share - 0.125).abs() < 1e-12, "{share}");
+        let share = share_left(&beside(&of(1.0), of(9.0)), &beside(&of(1.0), of(3.0)), GYRO);
         assert!((share - 0.25).abs() < 1e-12, "{share}");
     }
 }

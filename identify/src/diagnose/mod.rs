@@ -24,7 +24,7 @@ use crate::report::Report;
 use crate::screen::{Score, all_residuals};
 use crate::select::{Finalist, Role, Round, Sensitivities, Stop, roles, round, slack_of};
 use crate::workers::{Cancelled, Workers};
-use louder::RunLevel;
+use louder::Compared;
 use prepared::{Prepared, prepare};
 
 /// Version of the effect library and of this workflow.
@@ -131,17 +131,15 @@ struct Case<'a> {
     energy_after: f64,
     energy_floor: f64,
     energy_limit: f64,
-    /// References, runs before and after; empty without references.
     levels: Levels,
     remarks: Vec<String>,
 }
 
-/// How loud the channels are, run by run.
+/// How loud the channels are, run by run, before anything is named and with what was.
 #[derive(Debug, Clone, Default)]
 struct Levels {
-    references: Vec<RunLevel>,
-    before: Vec<RunLevel>,
-    after: Vec<RunLevel>,
+    before: Compared,
+    after: Compared,
 }
 
 /// Diagnoses runs.
@@ -341,15 +339,12 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
             case.last = Some(stop);
             break;
         }
-        let background = stop.finalists.iter().find(|finalist| match stop.accepted {
-            Some(accepted) => {
-                core::ptr::eq(*finalist, &stop.finalists[accepted]) && finalist.in_references > PERHAPS_SEEN
-            }
-            None => finalist.in_references > 0.5,
-        });
-        if let (Some(metric), Some(finalist)) = (&reference_metric, background)
-            && absorb(&mut case.floor, metric, finalist, train.records.len())
-        {
+        let is_absorbed = match &reference_metric {
+            Some(metric) => absorb_one(&mut case.floor, metric, &stop, train.records.len()),
+            None => false,
+        };
+        if is_absorbed {
+            kept.refuse(&stop);
             reference_metric = self::reference_metric(&case.floor);
             let model = with_members(&case.floor.model, &members);
             train.renew(workers, &case.floor, &model)?;
@@ -407,7 +402,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
     let mut after = run_energies(&train.metric, &train.residuals);
     after.extend(run_energies(&validation.metric, &validation.residuals));
     case.energy_after = after.iter().sum::<f64>() / after.len().max(1) as f64;
-    case.levels.after = open_levels(&train, &validation);
+    case.levels.after = compared(&case.floor, reference_metric.as_ref(), &train, &validation);
     finish(workers, case, stages, members)
 }
 
@@ -504,6 +499,17 @@ fn reference_metric(floor: &Floor) -> Option<Metric> {
     (!floor.references.is_empty()).then(|| floor.metric(&floor.references, &floor.sensitivities))
 }
 
+/// Takes into the floor's model what the references have of the accepted effect, or, when none is accepted, the best of what they have as well.
+fn absorb_one(floor: &mut Floor, metric: &Metric, stop: &Stop, runs: usize) -> bool {
+    let is_there = |(position, finalist): &(usize, &Finalist)| match stop.accepted {
+        Some(accepted) => *position == accepted && finalist.in_references > PERHAPS_SEEN,
+        None => finalist.is_background(),
+    };
+    let there = stop.finalists.iter().enumerate().filter(is_there);
+    let mut quick = there.filter(|(_, finalist)| !finalist.is_slow());
+    quick.any(|(_, finalist)| absorb(floor, metric, finalist, runs))
+}
+
 /// An effect fitted to the references from where the runs have it: taken into the floor's model when it is there as well.
 ///
 /// - `runs`: number of training runs, which the finalist's gain is of.
@@ -526,8 +532,7 @@ fn absorb(floor: &mut Floor, metric: &Metric, finalist: &Finalist, runs: usize) 
         true
     };
     let a_run = fit.gain / floor.references.len() as f64;
-    let slow = member.candidate.entry.name == "longitudinal_slip";
-    if slow || fit.gain < SEEN || a_run < BACKGROUND * finalist.gain_train / runs as f64 || !alike {
+    if fit.gain < SEEN || a_run < BACKGROUND * finalist.gain_train / runs as f64 || !alike {
         return false;
     }
     let effect = member.candidate.effect(&member.values);
@@ -545,12 +550,15 @@ fn run_energies(metric: &Metric, residuals: &[Vec<f64>]) -> Vec<f64> {
         .collect()
 }
 
-/// Levels of training and validation runs.
-fn open_levels(train: &Prepared, validation: &Prepared) -> Vec<RunLevel> {
+/// Levels of the references, and of training and validation runs.
+fn compared(floor: &Floor, reference_metric: Option<&Metric>, train: &Prepared, validation: &Prepared) -> Compared {
     let of = |side: &Prepared| louder::levels(&side.metric, &side.records, &side.residuals);
-    let mut levels = of(train);
-    levels.extend(of(validation));
-    levels
+    let mut runs = of(train);
+    runs.extend(of(validation));
+    let references = reference_metric.map_or_else(Vec::new, |metric| {
+        louder::levels(metric, &floor.references, &floor.residuals)
+    });
+    Compared { references, runs }
 }
 
 /// Energy of the runs before anything is named, of the references, and the limit that chance keeps below.
@@ -558,11 +566,10 @@ fn levels(case: &mut Case, reference_metric: Option<&Metric>, train: &Prepared, 
     let mut runs = run_energies(&train.metric, &train.residuals);
     runs.extend(run_energies(&validation.metric, &validation.residuals));
     case.energy_before = runs.iter().sum::<f64>() / runs.len().max(1) as f64;
-    case.levels.before = open_levels(train, validation);
+    case.levels.before = compared(&case.floor, reference_metric, train, validation);
     match reference_metric {
         Some(metric) => {
             let floor = &case.floor;
-            case.levels.references = louder::levels(metric, &floor.references, &floor.residuals);
             let energies = run_energies(metric, &floor.residuals);
             let n = energies.len() as f64;
             let mean = energies.iter().sum::<f64>() / n;

@@ -8,7 +8,9 @@ use crate::select::Side;
 use crate::workers::{Cancelled, Workers};
 
 /// With more training data than this, candidates are screened and first fitted on every second or later window of them.
-const ENOUGH_S: f64 = 120.0;
+const LONG_S: f64 = 120.0;
+/// About so much is left of long data then.
+const ENOUGH_S: f64 = 80.0;
 
 /// Residuals, knob sensitivities and the product of some records.
 pub(super) struct Prepared {
@@ -45,10 +47,10 @@ impl Prepared {
             .flat_map(|record| &record.windows)
             .map(compared_s)
             .sum();
-        let every = (all_s / ENOUGH_S).ceil() as usize;
-        if every < 2 {
+        if all_s <= LONG_S {
             return None;
         }
+        let every = (all_s / ENOUGH_S).ceil() as usize;
         let kept: Vec<Vec<bool>> = self
             .records
             .iter()

@@ -213,7 +213,8 @@ pub fn fit(problem: &Problem, start: Vec<Member>) -> Option<Fit> {
                     return None;
                 }
                 found |= pattern(&mut search, &mut members, &free, &mut now, &mut energy, steps);
-                if base_energy - energy < problem.wanted_gain {
+                let gain = base_energy - energy;
+                if gain < problem.wanted_gain || (problem.wanted_gain.is_finite() && gain <= 0.0) {
                     is_given_up = true;
                     found = false;
                     break;

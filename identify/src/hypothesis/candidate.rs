@@ -109,6 +109,13 @@ impl Candidate {
         if large > 0.0 { large } else { f64::INFINITY }
     }
 
+    /// Numbers that a fit of these values chose: finite sizes, and the wheel where there is one.
+    pub fn choices(&self, values: &[f64]) -> usize {
+        let axes = self.axes.iter().zip(values);
+        let sizes = axes.filter(|(axis, value)| axis.carries_size && value.is_finite());
+        sizes.count() + usize::from(self.index.is_some())
+    }
+
     /// True when a value with this sign of change is outside what the effect can be.
     pub fn is_one_sided(&self, axis: usize) -> bool {
         let axis = &self.axes[axis];

@@ -3,9 +3,10 @@
 use twin::free::Start;
 use twin::replay::{CommandRow, HeldCommand, merged};
 
+use super::cell_shares::cell_shares;
 use super::{
-    CELL_S, Cell, Chain, GRID_HZ, Line, MEMORY_S, POSE_CELL_S, PoseCell, Quantity, RUN_IN_S, Record, RollingInput,
-    SamplePlace, WINDOW_S, WheelLine, Window,
+    Cell, Chain, GRID_HZ, Line, MEMORY_S, POSE_CELL_S, PoseCell, Quantity, RUN_IN_S, Record, RollingInput, SamplePlace,
+    WINDOW_S, WheelLine, Window,
 };
 use crate::anchor::{Track, start_at};
 use crate::bundle::{Bundle, LONG_PAUSE_S};
@@ -16,8 +17,6 @@ const SHORTEST_WINDOW_S: f64 = 0.8;
 /// Start of a run over which the battery is read, s, and the share of the current limit that counts as rest.
 const SETTLED_S: f64 = 0.5;
 const RESTING: f64 = 0.05;
-/// Samples a cell from which on neighbouring cells share them.
-const SAMPLES_TO_SHARE: f64 = 3.0;
 /// A sample further from its neighbours' median than this many median deviations is a fault of the recorder.
 const SPIKE: f64 = 12.0;
 
@@ -372,49 +371,25 @@ fn sample_place(rows: &[CommandRow], time_s: f64, weight: f64) -> SamplePlace {
     }
 }
 
-/// Weight of a sample in a cell by its distance from the middle: a triangle over twice the cell, so that neighbours share their samples. A
-/// motor that rings between two samples leaves half a sample's swing in a plain mean of five, and next to nothing here.
-fn triangle(time_s: f64, middle_s: f64) -> f64 {
-    (1.0 - (time_s - middle_s).abs() / CELL_S).max(0.0)
-}
-
 fn add_cells(chain: &mut Chain, quantity: Quantity, line: &Line, from_s: f64, to_s: f64) {
     let first = chain.cells.len();
-    let times = &line.time_s;
-    let inside = |from_s: f64, end_s: f64| {
-        times.partition_point(|t| *t < from_s)..times.partition_point(|t| *t < end_s.min(to_s))
-    };
-    let all = inside(from_s, to_s);
-    let is_dense = all.len() as f64 * CELL_S >= SAMPLES_TO_SHARE * (to_s - from_s);
-    let mut cell_from_s = from_s;
-    while cell_from_s < to_s {
-        let end_s = cell_from_s + CELL_S;
-        let middle_s = cell_from_s + 0.5 * CELL_S;
-        let (own, weight): (_, &dyn Fn(f64) -> f64) = if is_dense {
-            let reach = inside((middle_s - CELL_S).max(from_s), middle_s + CELL_S);
-            (reach, &|time_s| triangle(time_s, middle_s))
-        } else {
-            (inside(cell_from_s, end_s), &|_| 1.0)
-        };
-        let total: f64 = own.clone().map(|sample| weight(times[sample])).sum();
-        if total > 0.0 {
-            let begin = chain.samples.len() as u32;
-            let (mut measured, mut time_s) = (0.0, 0.0);
-            for sample in own {
-                let share = weight(times[sample]) / total;
-                measured += share * line.values[sample];
-                time_s += share * times[sample];
-                chain.samples.push(sample_place(&chain.rows, times[sample], share));
-            }
-            chain.cells.push(Cell {
-                quantity,
-                time_s,
-                measured,
-                activity: 0.0,
-                samples: (begin, chain.samples.len() as u32),
-            });
+    for cell in cell_shares(&line.time_s, from_s, to_s) {
+        let begin = chain.samples.len() as u32;
+        let (mut measured, mut time_s) = (0.0, 0.0);
+        for (sample, share) in cell.samples.zip(cell.shares) {
+            measured += share * line.values[sample];
+            time_s += share * line.time_s[sample];
+            chain
+                .samples
+                .push(sample_place(&chain.rows, line.time_s[sample], share));
         }
-        cell_from_s = end_s;
+        chain.cells.push(Cell {
+            quantity,
+            time_s,
+            measured,
+            activity: 0.0,
+            samples: (begin, chain.samples.len() as u32),
+        });
     }
     let values: Vec<f64> = chain.cells[first..].iter().map(|cell| cell.measured).collect();
     for (i, cell) in chain.cells[first..].iter_mut().enumerate() {

@@ -7,6 +7,7 @@
 //! twin's path is laid on the measured one before the poses are compared.
 
 mod build;
+mod cell_shares;
 mod input;
 mod quantity;
 mod simulate;

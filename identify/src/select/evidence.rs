@@ -22,12 +22,6 @@ const REPLICATES: usize = 200;
 /// Evidence on validation runs and references, and the first gate that it does not pass.
 pub(super) fn judge(data: &Round, fitted: &Fitted, threshold: f64) -> Finalist {
     let member = fitted.fit.members[0].clone();
-    let alone = with_members(data.model, core::slice::from_ref(&member));
-    let model = if fitted.joint.is_empty() {
-        alone.clone()
-    } else {
-        with_members(&data.floor.model, &fitted.joint)
-    };
     let mut finalist = Finalist {
         position: fitted.position,
         size: member.candidate.size(&member.values),
@@ -42,6 +36,16 @@ pub(super) fn judge(data: &Round, fitted: &Fitted, threshold: f64) -> Finalist {
         cosine: 0.0,
         member,
         joint: fitted.joint.clone(),
+    };
+    if finalist.gain_train < threshold {
+        finalist.because = gate(data, &finalist, threshold);
+        return finalist;
+    }
+    let alone = with_members(data.model, core::slice::from_ref(&finalist.member));
+    let model = if fitted.joint.is_empty() {
+        alone.clone()
+    } else {
+        with_members(&data.floor.model, &fitted.joint)
     };
     let own_stages = finalist.member.candidate.stages;
     let stages = if fitted.joint.is_empty() {
@@ -104,17 +108,20 @@ fn harmful(data: &Round, changed: &[Vec<f64>], gain: f64) -> f64 {
     worse as f64 / REPLICATES as f64
 }
 
-/// The channel of the validation runs that loses most, and its loss as a share of the whole gain.
+/// The channel of the validation runs that loses most, and its loss as a share of the whole gain, everyday differences taken out of both:
+/// what the gain does not count is no loss.
 fn worse(data: &Round, changed: &[Vec<f64>], gain: f64) -> Option<(usize, f64)> {
     let mut energies = [Energies::default(); CLASSES];
     for (run, record) in data.validation.records.iter().enumerate() {
-        let weights = data.floor.noise.weights(record);
-        let residuals = data.validation.residuals[run].iter().zip(&changed[run]);
-        for ((place, weight), (before, after)) in record.places().iter().zip(weights).zip(residuals) {
+        let (base, changed) = (&data.validation.residuals[run], &changed[run]);
+        let metric = data.validation.metric;
+        let rests = metric.rest(run, base).into_iter().zip(metric.rest(run, changed));
+        let residuals = base.iter().zip(changed);
+        for ((place, rest), (before, after)) in record.places().iter().zip(rests).zip(residuals) {
             if let Some(quantity) = place.quantity {
                 let class = &mut energies[quantity.class()];
-                class.weighted[0] += weight * before * before;
-                class.weighted[1] += weight * after * after;
+                class.weighted[0] += rest.0 * rest.0;
+                class.weighted[1] += rest.1 * rest.1;
                 class.plain[0] += before * before;
                 class.plain[1] += after * after;
             }
@@ -202,7 +209,7 @@ fn gate(data: &Round, finalist: &Finalist, threshold: f64) -> Option<String> {
             ));
         }
     }
-    if finalist.in_references > 0.5 {
+    if finalist.is_background() {
         return Some(format!(
             "is in the references as well, at {:.0} % of its size",
             100.0 * finalist.in_references

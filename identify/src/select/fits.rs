@@ -1,7 +1,7 @@
 //! Fits of the short list.
 
 use super::round::{Fitted, Round, Side, WANTED, slices};
-use crate::fit::{Member, Problem, fit, is_rough};
+use crate::fit::{Fit, Member, Problem, fit, is_rough};
 use crate::screen::{Score, all_residuals};
 use crate::workers::{Cancelled, Workers, gathered};
 use std::collections::BTreeMap;
@@ -71,7 +71,7 @@ pub(super) fn fits(
     }
     let near = near_the_best(all);
     let mut fitted = if data.is_thinned() {
-        evaluated(workers, data, &near)?
+        evaluated(workers, data, &near, WANTED * threshold)?
     } else {
         near
     };
@@ -92,8 +92,8 @@ fn near_the_best(all: Vec<Fitted>) -> Vec<Fitted> {
         .collect()
 }
 
-/// Fits of some windows on all of them.
-fn evaluated(workers: &dyn Workers, data: &Round, fitted: &[Fitted]) -> Result<Vec<Fitted>, Cancelled> {
+/// Fits of some windows on all of them; those that promise less than `least` there are left at that, as if they changed nothing.
+fn evaluated(workers: &dyn Workers, data: &Round, fitted: &[Fitted], least: f64) -> Result<Vec<Fitted>, Cancelled> {
     let problem = Problem {
         records: data.train.records,
         metric: data.train.metric,
@@ -101,7 +101,19 @@ fn evaluated(workers: &dyn Workers, data: &Round, fitted: &[Fitted]) -> Result<V
         residuals: data.train.residuals,
         wanted_gain: f64::NEG_INFINITY,
     };
-    let fits = gathered(workers, fitted.len(), &|item| fitted[item].fit.evaluated(&problem))?;
+    let fits = gathered(workers, fitted.len(), &|item| {
+        let fit = &fitted[item].fit;
+        let gain = fit.gain / data.share();
+        if gain < least {
+            let residuals = data.train.residuals.to_vec();
+            return Some(Fit {
+                gain,
+                residuals,
+                ..fit.clone()
+            });
+        }
+        fit.evaluated(&problem)
+    })?;
     let pairs = fitted.iter().zip(fits);
     Ok(pairs
         .filter_map(|(fitted, fit)| {
@@ -186,7 +198,6 @@ fn under_the_floor(workers: &dyn Workers, data: &Round, side: &Side) -> Result<O
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fit::Fit;
     use crate::linear::Square;
 
     fn fitted(position: usize, gain: f64) -> Fitted {

@@ -22,6 +22,8 @@ const PROMISING: f64 = 1.5;
 pub(super) const WANTED: f64 = 0.5;
 /// Slow to simulate: fitted only among the first three.
 const SLOW: &str = "longitudinal_slip";
+/// Amplitude in the references from which an effect is no difference to them.
+pub(super) const ALSO_THERE: f64 = 0.5;
 /// Share of the threshold below which old sensitivities are enough to stop.
 const NOTHING_LEFT: f64 = 0.7;
 /// Share of null replicates below the threshold.
@@ -112,6 +114,16 @@ impl Finalist {
     pub fn effect(&self) -> Effect {
         self.member.candidate.effect(&self.member.values)
     }
+
+    /// The references have it as well.
+    pub fn is_background(&self) -> bool {
+        self.in_references > ALSO_THERE
+    }
+
+    /// Slow to simulate: no part of the floor's model.
+    pub fn is_slow(&self) -> bool {
+        self.member.candidate.entry.name == SLOW
+    }
 }
 
 /// How a round ended.
@@ -142,17 +154,32 @@ pub struct Sensitivities {
     is_fresh: bool,
     /// Candidates whose fits came to nothing, with the scores that promised more.
     vain: Vec<(usize, f64)>,
+    /// The same of those that were fitted and refused since the last effect was accepted.
+    refused: Vec<(usize, f64)>,
 }
 
 impl Sensitivities {
     /// The model has changed: good enough to see that nothing is left, not to choose with.
     pub fn outdate(&mut self) {
         self.is_fresh = false;
+        self.refused.clear();
+    }
+
+    /// Until an effect is accepted, what a round refused is fitted again only when much more of it is seen: the floor's model takes in
+    /// what it can from round to round, which changes little for the others.
+    pub fn refuse(&mut self, stop: &Stop) {
+        let refused = stop.finalists.iter().filter(|finalist| finalist.because.is_some());
+        self.refused
+            .extend(refused.map(|finalist| (finalist.position, stop.scores[finalist.position].gain)));
     }
 
     /// A fit came to nothing in an earlier round, and the score promises hardly more now.
     fn is_vain(&self, position: usize, score: f64) -> bool {
-        let known = self.vain.iter().filter(|known| known.0 == position);
+        let known = self
+            .vain
+            .iter()
+            .chain(&self.refused)
+            .filter(|known| known.0 == position);
         known.map(|known| known.1).fold(0.0, f64::max) * PROMISING > score
     }
 }
@@ -257,6 +284,10 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Sensitivities) -> R
         }
     }
     stop.finalists = pairs.into_iter().map(|pair| pair.0).collect();
+    let is_unwanted = |finalist: &&Finalist| finalist.is_slow() && finalist.is_background();
+    for finalist in stop.finalists.iter().filter(is_unwanted) {
+        kept.vain.push((finalist.position, stop.scores[finalist.position].gain));
+    }
     Ok(stop)
 }
 
@@ -277,17 +308,11 @@ pub fn slack_of(floor: &Floor) -> impl Fn(f64) -> f64 {
 fn simplest(pairs: &[(Finalist, &Fitted)], slack: impl Fn(f64) -> f64) -> Option<usize> {
     let best = pairs.iter().position(|(finalist, _)| finalist.because.is_none())?;
     let best_gain = pairs[best].0.gain();
-    let sizes = |finalist: &Finalist| {
-        let axes = finalist.member.candidate.axes.iter().zip(&finalist.member.values);
-        let sizes = axes
-            .filter(|(axis, value)| axis.carries_size && value.is_finite())
-            .count();
-        sizes + usize::from(finalist.member.candidate.index.is_some())
-    };
+    let choices = |finalist: &Finalist| finalist.member.candidate.choices(&finalist.member.values);
     let near = |finalist: &Finalist| finalist.because.is_none() && best_gain - finalist.gain() < slack(best_gain);
     (0..pairs.len())
         .filter(|position| near(&pairs[*position].0))
-        .min_by_key(|position| (sizes(&pairs[*position].0), *position))
+        .min_by_key(|position| (choices(&pairs[*position].0), *position))
 }
 
 /// The best of the order, at most two wheels of the same effect.

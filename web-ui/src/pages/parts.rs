@@ -2,19 +2,115 @@
 
 use crate::command::Command;
 use crate::output::Output;
-use crate::state::Playback;
+use crate::state::{Playback, State};
 use crate::theme::{self, Palette, Tone};
-use egui::{Align, Button, Frame, Grid, Layout, Margin, Response, RichText, Slider, Stroke, Ui, vec2};
+use egui::{
+    Align, Button, CentralPanel, ComboBox, Frame, Grid, Label, Layout, Margin, Panel, Response, RichText, ScrollArea,
+    Slider, Stroke, Ui, vec2,
+};
 
 /// Speeds of a playback.
 const SPEEDS: [f64; 4] = [0.5, 1.0, 4.0, 16.0];
 const CLOCK_WIDTH: f32 = 132.0;
 const SPEED_WIDTH: f32 = 214.0;
+/// Left column of a page of two.
+const SIDE_WIDTH: f32 = 450.0;
+/// Room of their scroll bars.
+const SIDE_BAR: f32 = 18.0;
+const CENTRE_BAR: f32 = 12.0;
 
 /// Title of a part of a page.
 pub fn section(ui: &mut Ui, title: &str) {
     ui.label(RichText::new(title).text_style(theme::section_style()).strong());
     ui.add_space(-2.0);
+}
+
+/// Less important words.
+pub fn faint(ui: &mut Ui, text: &str, palette: &Palette) {
+    ui.add(Label::new(RichText::new(text).color(palette.faint_ink)).wrap());
+}
+
+/// A page of two columns that scroll by themselves; both are drawn with the same thing at hand.
+///
+/// - `name`: of the page, for what egui remembers.
+pub fn two_columns<T>(
+    ui: &mut Ui,
+    palette: &Palette,
+    name: &str,
+    at_hand: &mut T,
+    side: impl FnOnce(&mut Ui, &mut T),
+    centre: impl FnOnce(&mut Ui, &mut T),
+) {
+    let ground = Frame::new().fill(palette.ground);
+    let side_margin = Margin {
+        left: theme::PAGE_MARGIN,
+        right: 0,
+        top: 0,
+        bottom: 0,
+    };
+    Panel::left(format!("{name} side"))
+        .exact_size(SIDE_WIDTH)
+        .resizable(false)
+        .frame(ground.inner_margin(side_margin))
+        .show(ui, |ui| {
+            ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+                ui.set_width(SIDE_WIDTH - f32::from(theme::PAGE_MARGIN) - SIDE_BAR);
+                side(ui, at_hand);
+            });
+        });
+    CentralPanel::default()
+        .frame(ground.inner_margin(Margin::symmetric(theme::PAGE_MARGIN, 0)))
+        .show(ui, |ui| {
+            ScrollArea::vertical()
+                .id_salt(format!("{name} centre"))
+                .auto_shrink(false)
+                .show(ui, |ui| {
+                    ui.set_width(ui.available_width() - CENTRE_BAR);
+                    ui.add_space(f32::from(theme::PAGE_MARGIN));
+                    centre(ui, at_hand);
+                    ui.add_space(theme::SECTION_GAP);
+                });
+        });
+}
+
+/// Which robot a page is about; false, and a line that says why, when there is none to choose yet.
+///
+/// - `name`: of the page, in the names of its widgets.
+pub fn robot_choice(
+    ui: &mut Ui,
+    state: &State,
+    output: &mut Output,
+    palette: &Palette,
+    name: &str,
+    chosen: Option<&str>,
+    choose: impl Fn(String) -> Command,
+) -> bool {
+    let Some(chosen) = chosen else {
+        let text = match &state.lab.robots {
+            Some(robots) if robots.is_empty() => "No laboratory has registered robots with the server yet.",
+            _ => "Loading the robots \u{2026}",
+        };
+        faint(ui, text, palette);
+        return false;
+    };
+    ui.horizontal(|ui| {
+        ui.label(RichText::new("Robot").text_style(theme::section_style()).strong());
+        let combo = ComboBox::from_id_salt(format!("{name} robot"))
+            .selected_text(RichText::new(chosen).strong())
+            .width(180.0)
+            .show_ui(ui, |ui| {
+                for robot in state.lab.robots.iter().flatten() {
+                    let response = ui.selectable_label(robot.name == chosen, &robot.name);
+                    output.on_click(
+                        format!("{name}.robot.{}", robot.name),
+                        &response,
+                        choose(robot.name.clone()),
+                    );
+                }
+            });
+        output.mark(format!("{name}.robot"), &combo.response);
+    });
+    true
 }
 
 /// A raised box.

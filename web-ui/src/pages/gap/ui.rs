@@ -13,7 +13,6 @@ use egui::{
     ScrollArea, Sense, Stroke, Ui, vec2,
 };
 
-const SIDE_WIDTH: f32 = 450.0;
 const TICK_WIDTH: f32 = 68.0;
 /// Of unchanged, changed, kept back.
 const TICKS: f32 = 3.0;
@@ -24,35 +23,14 @@ const DIAGNOSIS_HEIGHT: f32 = 46.0;
 const RUNS_SHARE: f32 = 0.38;
 
 pub fn show(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) {
-    let ground = Frame::new().fill(palette.ground);
-    Panel::left("gap side")
-        .exact_size(SIDE_WIDTH)
-        .resizable(false)
-        .frame(ground.inner_margin(Margin {
-            left: theme::PAGE_MARGIN,
-            right: 0,
-            top: 0,
-            bottom: 0,
-        }))
-        .show(ui, |ui| {
-            ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
-                ui.set_width(SIDE_WIDTH - f32::from(theme::PAGE_MARGIN) - 18.0);
-                side(ui, state, output, palette);
-            });
-        });
-    CentralPanel::default()
-        .frame(ground.inner_margin(Margin::symmetric(theme::PAGE_MARGIN, 0)))
-        .show(ui, |ui| {
-            ScrollArea::vertical()
-                .id_salt("gap centre")
-                .auto_shrink(false)
-                .show(ui, |ui| {
-                    ui.set_width(ui.available_width() - 12.0);
-                    ui.add_space(f32::from(theme::PAGE_MARGIN));
-                    centre(ui, state, output, palette);
-                    ui.add_space(theme::SECTION_GAP);
-                });
-        });
+    parts::two_columns(
+        ui,
+        palette,
+        "gap",
+        output,
+        |ui, output| side(ui, state, output, palette),
+        |ui, output| centre(ui, state, output, palette),
+    );
 }
 
 fn side(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) {
@@ -67,32 +45,10 @@ fn side(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) {
     ui.add_space(theme::SECTION_GAP);
 }
 
-fn robot(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) {
-    let Some(chosen) = &state.gap.robot else {
-        ui.label(RichText::new("Loading the robots \u{2026}").color(palette.faint_ink));
-        return;
-    };
-    let names: Vec<&str> = state
-        .lab
-        .robots
-        .iter()
-        .flatten()
-        .map(|robot| robot.name.as_str())
-        .collect();
-    ui.horizontal(|ui| {
-        ui.label(RichText::new("Robot").text_style(theme::section_style()).strong());
-        let combo = ComboBox::from_id_salt("gap robot")
-            .selected_text(RichText::new(chosen).strong())
-            .width(180.0)
-            .show_ui(ui, |ui| {
-                for name in names {
-                    let response = ui.selectable_label(name == chosen, name);
-                    let choose = Command::Gap(GapCommand::ChooseRobot(name.to_owned()));
-                    output.on_click(format!("gap.robot.{name}"), &response, choose);
-                }
-            });
-        output.mark("gap.robot", &combo.response);
-    });
+fn robot(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) -> bool {
+    parts::robot_choice(ui, state, output, palette, "gap", state.gap.robot.as_deref(), |robot| {
+        Command::Gap(GapCommand::ChooseRobot(robot))
+    })
 }
 
 /// Which model the twin uses, and the way back.

@@ -4,7 +4,7 @@ use super::{comparison, data};
 use crate::command::{Command, ModelsCommand};
 use crate::net::{model_url, network_url};
 use crate::output::Output;
-use crate::pages::parts;
+use crate::pages::parts::{self, faint};
 use crate::state::{Page, Shown, State};
 use crate::theme::{self, Palette, Tone};
 use crate::update;
@@ -13,7 +13,6 @@ use egui::{
     Stroke, Ui, pos2, vec2,
 };
 
-const SIDE_WIDTH: f32 = 450.0;
 const ROW_HEIGHT: f32 = 56.0;
 /// Room for the lines of descent at the left of the rows.
 const RAIL_WIDTH: f32 = 34.0;
@@ -23,40 +22,14 @@ const LANES: usize = 3;
 const BUTTON: egui::Vec2 = vec2(170.0, 34.0);
 
 pub fn show(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) {
-    let ground = Frame::new().fill(palette.ground);
-    let side_margin = Margin {
-        left: theme::PAGE_MARGIN,
-        right: 0,
-        top: 0,
-        bottom: 0,
-    };
-    Panel::left("models side")
-        .exact_size(SIDE_WIDTH)
-        .resizable(false)
-        .frame(ground.inner_margin(side_margin))
-        .show(ui, |ui| {
-            ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
-                ui.set_width(SIDE_WIDTH - f32::from(theme::PAGE_MARGIN) - 18.0);
-                side(ui, state, output, palette);
-            });
-        });
-    CentralPanel::default()
-        .frame(ground.inner_margin(Margin::symmetric(theme::PAGE_MARGIN, 0)))
-        .show(ui, |ui| {
-            ScrollArea::vertical()
-                .id_salt("models centre")
-                .auto_shrink(false)
-                .show(ui, |ui| {
-                    ui.set_width(ui.available_width() - 12.0);
-                    ui.add_space(f32::from(theme::PAGE_MARGIN));
-                    centre(ui, state, output, palette);
-                    ui.add_space(theme::SECTION_GAP);
-                });
-        });
-}
-
-fn faint(ui: &mut Ui, text: &str, palette: &Palette) {
-    ui.add(Label::new(RichText::new(text).color(palette.faint_ink)).wrap());
+    parts::two_columns(
+        ui,
+        palette,
+        "models",
+        output,
+        |ui, output| side(ui, state, output, palette),
+        |ui, output| centre(ui, state, output, palette),
+    );
 }
 
 fn side(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) {
@@ -83,31 +56,15 @@ fn side(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) {
 
 /// False while there is no robot to choose.
 fn robot(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) -> bool {
-    let Some(chosen) = &state.models.robot else {
-        let text = match &state.lab.robots {
-            Some(robots) if robots.is_empty() => "No laboratory has registered robots with the server yet.",
-            _ => "Loading the robots \u{2026}",
-        };
-        faint(ui, text, palette);
-        return false;
-    };
-    let robots = state.lab.robots.iter().flatten().map(|robot| robot.name.as_str());
-    let names: Vec<&str> = robots.collect();
-    ui.horizontal(|ui| {
-        ui.label(RichText::new("Robot").text_style(theme::section_style()).strong());
-        let combo = ComboBox::from_id_salt("models robot")
-            .selected_text(RichText::new(chosen).strong())
-            .width(180.0)
-            .show_ui(ui, |ui| {
-                for name in names {
-                    let response = ui.selectable_label(name == chosen, name);
-                    let choose = Command::Models(ModelsCommand::ChooseRobot(name.to_owned()));
-                    output.on_click(format!("models.robot.{name}"), &response, choose);
-                }
-            });
-        output.mark("models.robot", &combo.response);
-    });
-    true
+    parts::robot_choice(
+        ui,
+        state,
+        output,
+        palette,
+        "models",
+        state.models.robot.as_deref(),
+        |robot| Command::Models(ModelsCommand::ChooseRobot(robot)),
+    )
 }
 
 /// Rows with a dot each; a line leads from every dot down to that of the version it was made from.
