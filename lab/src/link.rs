@@ -8,7 +8,9 @@ use crate::epochs::{EpochBook, RESERVED_FRAMES};
 use crate::feed::Feed;
 use crate::ladder::{Finding, Findings, Held, Ladder};
 use crate::link_statistics::LinkStatistics;
+use crate::mouth::Mouth;
 use crate::record::Telemetry;
+use crate::robot_addresses::RobotAddresses;
 use api::robot::LabRobot;
 use control::safety::SafeCommand;
 use robot::frame::{GROUP_MAX_ROBOTS, GroupHeader, Health, MAX_CHARACTERS, Part, encode_group};
@@ -17,7 +19,7 @@ use std::collections::BTreeMap;
 use std::io;
 use std::net::{IpAddr, SocketAddr, UdpSocket};
 use std::ops::{Deref, DerefMut};
-use std::sync::atomic::{AtomicU8, AtomicU32, Ordering};
+use std::sync::atomic::{AtomicU8, AtomicU32, AtomicU64, Ordering};
 use std::sync::mpsc::Receiver;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -48,6 +50,8 @@ pub struct RobotLink {
     /// The gravest finding that counts now, for the control loop, which takes no lock.
     finding: AtomicU8,
     held: Mutex<Option<Held>>,
+    /// Frames to it that could not be sent.
+    unsent: AtomicU64,
     /// Right to send; a run takes it out.
     port: Mutex<Option<RobotPort>>,
 }
@@ -56,7 +60,7 @@ pub struct RobotLink {
 #[derive(Debug)]
 pub struct RobotPort {
     robot: Arc<RobotLink>,
-    socket: Arc<UdpSocket>,
+    mouth: Arc<Mouth>,
     address: SocketAddr,
     commander: Commander,
     last_sequence: u32,
@@ -65,27 +69,30 @@ pub struct RobotPort {
 impl Link {
     /// Binds one socket for all robots and starts receiving.
     ///
-    /// - `base`: robot `n` listens on UDP port `base + n`.
+    /// - Errors: no key or no port for a robot, or an address for a robot that is not there.
     pub fn start(
         robots: &[LabRobot],
         keys: &BTreeMap<u8, Key>,
-        base: SocketAddr,
+        addresses: &RobotAddresses,
         book: &mut EpochBook,
     ) -> io::Result<Arc<Self>> {
-        let any = if base.is_ipv4() {
+        let is_known = |number: &u8| robots.iter().any(|robot| robot.number == *number);
+        if let Some(number) = addresses.own().find(|number| !is_known(number)) {
+            return Err(io::Error::other(format!(
+                "an address for robot {number}, which this laboratory does not have"
+            )));
+        }
+        let any = if addresses.is_ipv4() {
             IpAddr::from([0, 0, 0, 0])
         } else {
             IpAddr::from([0_u16; 8])
         };
         let socket = Arc::new(UdpSocket::bind(SocketAddr::new(any, 0))?);
+        let mouth = Arc::new(Mouth::new(socket.clone(), addresses.groups())?);
         let mut links = BTreeMap::new();
         for lab_robot in robots {
             let number = lab_robot.number;
             let missing = || io::Error::other(format!("no link key for robot {number}"));
-            let port = base
-                .port()
-                .checked_add(u16::from(number))
-                .ok_or_else(|| io::Error::other("robot port beyond 65535"))?;
             let link = Arc::new(RobotLink {
                 number,
                 name: lab_robot.description.name.clone(),
@@ -96,13 +103,14 @@ impl Link {
                 statistics: Mutex::default(),
                 finding: AtomicU8::new(Finding::Fine.to_byte()),
                 held: Mutex::default(),
+                unsent: AtomicU64::new(0),
                 port: Mutex::default(),
             });
             let place = book.reserve(number)?;
             link.put_port(RobotPort {
                 robot: link.clone(),
-                socket: socket.clone(),
-                address: SocketAddr::new(base.ip(), port),
+                mouth: mouth.clone(),
+                address: addresses.of(number)?,
                 commander: Commander::new(
                     number,
                     link.key,
@@ -224,6 +232,11 @@ impl RobotLink {
         *lock(&self.statistics)
     }
 
+    /// Frames to it that could not be sent, since the start.
+    pub fn unsent(&self) -> u64 {
+        self.unsent.load(Ordering::Relaxed)
+    }
+
     /// Heard within the last half second.
     pub fn is_online(&self) -> bool {
         self.newest()
@@ -295,7 +308,7 @@ impl Drop for HeldPort {
         let port = &self.0;
         port.robot.put_port(RobotPort {
             robot: port.robot.clone(),
-            socket: port.socket.clone(),
+            mouth: port.mouth.clone(),
             commander: port.commander.clone(),
             ..*port
         });
@@ -324,9 +337,9 @@ impl RobotPort {
         self.send(Order::Still(still), tick)
     }
 
-    /// The robot reads groups: it has sent a frame of a type that came with them.
-    pub fn reads_groups(&self) -> bool {
-        lock(&self.robot.health).is_some()
+    /// Groups reach the robot, and it reads them: it has sent a frame of a type that came with them.
+    pub fn takes_groups(&self) -> bool {
+        self.mouth.sends_groups() && lock(&self.robot.health).is_some()
     }
 
     /// Epoch and sequence of the next frame.
@@ -340,10 +353,10 @@ impl RobotPort {
         self.commander.part(order, sequence, monotonic_us(), heard_ms)
     }
 
-    /// Sends a group to all robots at once.
+    /// Sends a group to all robots at once; false when it could not be sent.
     ///
     /// - `parts`: of at most [`GROUP_MAX_ROBOTS`] robots, in the order of their numbers.
-    pub fn send_group(&self, sequence: u32, tick: u32, parts: &[CommandPart]) {
+    pub fn send_group(&self, sequence: u32, tick: u32, parts: &[CommandPart]) -> bool {
         debug_assert!(parts.len() <= GROUP_MAX_ROBOTS);
         let header = GroupHeader {
             epoch: self.commander.epoch(),
@@ -354,15 +367,21 @@ impl RobotPort {
         let mut characters = [0; MAX_CHARACTERS];
         let parts: Vec<Part> = parts.iter().map(|part| *part.part()).collect();
         let length = encode_group(&header, &parts, &mut characters);
-        let base = SocketAddr::new(self.address.ip(), self.address.port() - u16::from(self.robot.number));
-        let _lost = self.socket.send_to(characters.get(..length).unwrap_or_default(), base);
+        self.mouth.say_to_all(characters.get(..length).unwrap_or_default())
+    }
+
+    /// A frame to this robot could not be sent.
+    pub fn note_unsent(&self) {
+        self.robot.unsent.fetch_add(1, Ordering::Relaxed);
     }
 
     fn send(&mut self, order: Order<'_>, tick: u32) -> Sent {
         let heard_ms = self.robot.heard_clock_ms.load(Ordering::Relaxed);
         let (frame, sent) = self.commander.frame(order, tick, monotonic_us(), heard_ms);
         // A frame that cannot be sent is a lost frame: the robot's watchdog and the silence limits deal with those.
-        let _lost = self.socket.send_to(frame.as_bytes(), self.address);
+        if !self.mouth.say(frame.as_bytes(), self.address) {
+            self.note_unsent();
+        }
         sent
     }
 }

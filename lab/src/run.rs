@@ -103,7 +103,7 @@ async fn try_attempt(
         .map_err(|_| Conclusion::failed(Whose::Platform, "start_failed", "The team cannot be set up.".to_owned()))?
         .map_err(refused)?;
     let ports = take_ports(lab, assignment)?;
-    let grouped = ports.len() > 1 && ports.iter().all(|port| port.reads_groups());
+    let grouped = ports.len() > 1 && ports.iter().all(|port| port.takes_groups());
     medium::check(lab.medium, ports.len(), TICK_HZ as f64, grouped)?;
     let ports = prepare::prepare(lab, assignment, parked, lease, recorder, ports).await?;
     let keeper = keep(lab, ports)?;

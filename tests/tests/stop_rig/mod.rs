@@ -133,6 +133,7 @@ impl StopRig {
             .arg("--data")
             .arg(&self.folder)
             .args(["--robot-udp-base", &self.tapped_base.to_string()])
+            .args(["--robot-broadcast", "127.0.0.1"])
             .arg("--tracker")
             .arg(self.folder.join("tracker.sock"))
             .arg("--hand")
