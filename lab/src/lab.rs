@@ -3,6 +3,7 @@
 use crate::config::Config;
 use crate::desk::{Desk, DeskPlaces};
 use crate::docks::Docks;
+use crate::edge::Edge;
 use crate::epochs::EpochBook;
 use crate::hub;
 use crate::link::{Link, RobotLink};
@@ -176,6 +177,7 @@ impl StateSource for Lab {
             run: activity.map(|activity| activity.run_id.to_string()),
             phase: activity.map(|activity| activity.phase.to_owned()),
             robots: self.robots(),
+            edge: Edge::of(self),
         }
     }
 }

@@ -20,6 +20,7 @@ pub mod desk;
 pub mod docks;
 mod durable;
 pub mod ear;
+pub mod edge;
 pub mod ending;
 pub mod epochs;
 pub mod estimator;

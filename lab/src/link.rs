@@ -13,7 +13,7 @@ use crate::record::Telemetry;
 use crate::robot_addresses::RobotAddresses;
 use api::robot::LabRobot;
 use control::safety::SafeCommand;
-use robot::frame::{GROUP_MAX_ROBOTS, GroupHeader, Health, MAX_CHARACTERS, Part, encode_group};
+use robot::frame::{Counters, GROUP_MAX_ROBOTS, GroupHeader, Health, MAX_CHARACTERS, Part, encode_group};
 use robot::key::Key;
 use std::collections::BTreeMap;
 use std::io;
@@ -25,6 +25,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A robot that was silent for longer is offline.
 pub const ONLINE_US: i64 = 500_000;
+/// Statistics of a robot that only sends motion telemetry are renewed this often.
+const SHOWN_PERIOD_US: i64 = 100_000;
 /// Where the robot number stands in a frame: after `:`, version and type.
 const NUMBER_DIGITS: std::ops::Range<usize> = 5..7;
 
@@ -33,6 +35,8 @@ const NUMBER_DIGITS: std::ops::Range<usize> = 5..7;
 pub struct Link {
     robots: BTreeMap<u8, Arc<RobotLink>>,
     feed: Feed<Telemetry>,
+    /// Datagrams that are for no robot of this laboratory.
+    strange: AtomicU64,
 }
 
 /// One robot as the receiving side knows it.
@@ -46,6 +50,8 @@ pub struct RobotLink {
     newest: Mutex<Option<Telemetry>>,
     /// Newest health with its arrival; robots that send it read groups, too.
     health: Mutex<Option<(Health, i64)>>,
+    /// What it last said of the frames that it got.
+    counters: Mutex<Option<Counters>>,
     statistics: Mutex<LinkStatistics>,
     /// The gravest finding that counts now, for the control loop, which takes no lock.
     finding: AtomicU8,
@@ -100,6 +106,7 @@ impl Link {
                 heard_clock_ms: AtomicU32::new(0),
                 newest: Mutex::default(),
                 health: Mutex::default(),
+                counters: Mutex::default(),
                 statistics: Mutex::default(),
                 finding: AtomicU8::new(Finding::Fine.to_byte()),
                 held: Mutex::default(),
@@ -125,6 +132,7 @@ impl Link {
         let link = Arc::new(Self {
             robots: links,
             feed: Feed::default(),
+            strange: AtomicU64::new(0),
         });
         let receiver = link.clone();
         std::thread::Builder::new()
@@ -148,9 +156,15 @@ impl Link {
         self.feed.listen()
     }
 
+    /// Datagrams that are for no robot of this laboratory, since the start.
+    pub fn strange_datagrams(&self) -> u64 {
+        self.strange.load(Ordering::Relaxed)
+    }
+
     fn receive(&self, socket: &UdpSocket) {
         let mut buffer = [0; 512];
-        let mut ears: BTreeMap<u8, Ear> = BTreeMap::new();
+        // Each with when its statistics were last shown.
+        let mut ears: BTreeMap<u8, (Ear, i64)> = BTreeMap::new();
         let mut ladders: BTreeMap<u8, Ladder> = BTreeMap::new();
         loop {
             let length = match socket.recv_from(&mut buffer) {
@@ -164,19 +178,29 @@ impl Link {
             let arrival_us = monotonic_us();
             let bytes = buffer.get(..length).unwrap_or_default();
             let Some(robot) = addressed(bytes).and_then(|number| self.robots.get(&number)) else {
+                self.strange.fetch_add(1, Ordering::Relaxed);
                 continue;
             };
-            let ear = ears.entry(robot.number).or_default();
-            let sample = match ear.listen(bytes, &robot.key, arrival_us) {
+            let (ear, shown_us) = ears.entry(robot.number).or_insert_with(|| (Ear::default(), i64::MIN));
+            let heard = ear.listen(bytes, &robot.key, arrival_us);
+            // Quantiles cost more than a frame: not at every one of 120 a second.
+            let is_motion = matches!(heard, Ok(Heard::Motion(_)));
+            if !is_motion || arrival_us.saturating_sub(*shown_us) >= SHOWN_PERIOD_US {
+                *shown_us = arrival_us;
+                *lock(&robot.statistics) = ear.statistics();
+            }
+            let sample = match heard {
                 Ok(Heard::Motion(sample)) => sample,
                 Ok(Heard::Health(health)) => {
                     *lock(&robot.health) = Some((health, arrival_us));
-                    *lock(&robot.statistics) = ear.statistics();
                     let ladder = ladders.entry(robot.number).or_default();
                     robot.take_findings(ladder.report(&Findings::of(&health), arrival_us));
                     continue;
                 }
-                Ok(Heard::Counters(_)) => continue,
+                Ok(Heard::Counters(counters)) => {
+                    *lock(&robot.counters) = Some(counters);
+                    continue;
+                }
                 Err(refusal) => {
                     tracing::debug!(robot.id = %robot.name, %refusal, "frame refused");
                     continue;
@@ -227,7 +251,12 @@ impl RobotLink {
         }
     }
 
-    /// How well its frames come through, at the last health frame.
+    /// What it last said of the frames that it got, since its power-on; none before.
+    pub fn counters(&self) -> Option<Counters> {
+        *lock(&self.counters)
+    }
+
+    /// How well its frames come through, up to 0.1 s ago.
     pub fn statistics(&self) -> LinkStatistics {
         *lock(&self.statistics)
     }

@@ -1,5 +1,6 @@
 //! What the laboratory writes down, one record per happening. Times are `CLOCK_MONOTONIC` microseconds of the host.
 
+use crate::edge::Edge;
 use crate::realtime::Realtime;
 use api::lab::Assignment;
 use api::note::Note;
@@ -28,6 +29,8 @@ pub enum Record {
     /// A plain 8.33 ms sleep of another thread took this much longer.
     SleepLate(i64),
     Log(Log),
+    /// What came in during the run, used or not; before the end.
+    Edge(Box<Edge>),
     End(Box<End>),
 }
 

@@ -8,7 +8,7 @@ use lab::link::{HeldPort, Link};
 use lab::pilot::Outlet;
 use lab::robot_addresses::{OwnPlace, Place, RobotAddresses};
 use lab::voice::Voice;
-use robot::frame::{Header, Health, Payload, decode, decode_for, encode_health};
+use robot::frame::{Counters, Header, Health, Payload, decode, decode_for, encode_counters, encode_health};
 use robot::key::Key;
 use std::collections::BTreeMap;
 use std::net::UdpSocket;
@@ -160,4 +160,48 @@ fn frames_that_cannot_be_sent_are_counted() {
         port.still(Still::Rest, 0);
         assert_eq!(robot.unsent(), count, "a broadcast address that the socket may not use");
     }
+}
+
+#[test]
+fn what_a_robot_says_of_its_frames_is_kept_and_datagrams_for_nobody_are_counted() {
+    let rig = Rig::start(None);
+    let mut ports = rig.ports();
+    rig.greet(&mut ports);
+    ports[0].still(Still::Rest, 0);
+    let (number, key, socket) = &rig.robots[0];
+    let mut buffer = [0; 700];
+    let (length, lab) = socket.recv_from(&mut buffer).expect("a frame");
+    let heard = decode(&buffer[..length], key).expect("a command").header;
+    let header = Header {
+        robot: *number,
+        epoch: heard.epoch,
+        sequence: 2,
+        tick: 0,
+        clock_ms: 2,
+        echo_ms: heard.clock_ms,
+    };
+    let counters = Counters {
+        accepted: 41,
+        mac: 3,
+        stale: 7,
+        ..Counters::default()
+    };
+    let mut out = [0; 160];
+    let length = encode_counters(&header, &counters, key, &mut out);
+    socket.send_to(&out[..length], lab).expect("sent");
+    socket.send_to(b":0102FE", lab).expect("sent");
+    socket.send_to(b"", lab).expect("sent");
+    let robot = rig.link.robot(*number).expect("a robot");
+    let begun = Instant::now();
+    while robot.counters().is_none() || rig.link.strange_datagrams() < 2 {
+        assert!(
+            begun.elapsed() < LIMIT,
+            "{:?} {}",
+            robot.counters(),
+            rig.link.strange_datagrams()
+        );
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    assert_eq!(robot.counters(), Some(counters));
+    assert_eq!((robot.statistics().received, rig.link.strange_datagrams()), (2, 2));
 }

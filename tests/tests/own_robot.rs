@@ -11,7 +11,7 @@ use std::os::unix::net::UnixListener;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
-use system_tests::{Archive, System, repository, wait_for};
+use system_tests::{Archive, System, ask_stop_port, repository, wait_for};
 use uuid::Uuid;
 
 const LIMIT: Duration = Duration::from_secs(120);
@@ -173,6 +173,13 @@ async fn drives(system: &System, page: &Page) -> anyhow::Result<()> {
         Ok(system.download(&path).await.and_then(Archive::open).ok())
     })
     .await?;
+    let edge = &archive.manifest["edge"]["robots"][0];
+    ensure!(edge["robot"] == "own-01" && edge["unsent"] == 0, "{edge}");
+    let count = |of: &str, what: &str| edge[of][what].as_u64().unwrap_or(0);
+    ensure!(
+        count("heard", "used") > 500 && count("told", "accepted") > 500,
+        "{edge}"
+    );
     let (way_m, first, last) = way(&archive)?;
     println!("an own robot drove {way_m:.3} m from {first:.2?} to {last:.2?}");
     let near = |place: [f64; 2], x_m: f64, y_m: f64| f64::hypot(place[0] - x_m, place[1] - y_m) < 0.06;
@@ -199,6 +206,11 @@ async fn a_robot_of_ones_own_drives_by_the_lines_of_the_page() -> anyhow::Result
     let line = page.line("robopheus-lab")?;
     let laboratory = Background::start(&line, &own.join("lab.log"))?;
     until_free(&system).await?;
+    let (_, state) = ask_stop_port(&own, "GET /state")?;
+    ensure!(
+        state["edge"]["robots"][0]["heard"]["used"].as_u64() > Some(0),
+        "{state}"
+    );
     let log = || std::fs::read_to_string(own.join("lab.log")).unwrap_or_default();
     drives(&system, &page).await.with_context(log)?;
 
