@@ -31,6 +31,7 @@ mod hand;
 pub mod homeward;
 pub mod hub;
 pub mod idle;
+mod interventions;
 pub mod journal;
 pub mod lab;
 pub mod ladder;

@@ -228,6 +228,21 @@ pub struct Intervention {
     /// Length of the change of the body velocity.
     pub change_m_per_s: f64,
     pub change_rad_per_s: f64,
+    /// What was asked of the filter: forward m/s, left m/s, yaw rate rad/s.
+    #[serde(default)]
+    pub requested: [f64; 3],
+    /// What pushed, strongest first.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub pressures: Vec<Pressure>,
+}
+
+/// How much one constraint moved a command.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Pressure {
+    /// As of an intervention.
+    pub cause: std::borrow::Cow<'static, str>,
+    pub other: Option<u8>,
+    pub push_m_per_s: f64,
 }
 
 /// Which limit made the safety filter act.
