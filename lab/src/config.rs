@@ -1,5 +1,6 @@
 //! Settings of the process: flags, each of which may stand in the environment.
 
+use crate::robot_addresses::{OwnPlace, Place};
 use clap::Parser;
 use robot::medium::MediumKind;
 use std::net::SocketAddr;
@@ -30,9 +31,21 @@ pub struct Config {
     /// Robot `n` listens on this UDP port + n.
     #[arg(long, env = "ROBOPHEUS_ROBOT_UDP_BASE", default_value_t = 9000)]
     pub robot_udp_base: u16,
-    /// Host of the robots.
+    /// Host of the robots that have no address of their own.
     #[arg(long, env = "ROBOPHEUS_ROBOT_HOST", default_value = "127.0.0.1")]
     pub robot_host: String,
+    /// Address of one robot, `NUMBER=HOST` or `NUMBER=HOST:PORT`; once for each robot with a host of its own.
+    #[arg(
+        long,
+        env = "ROBOPHEUS_ROBOT_ADDRESSES",
+        value_delimiter = ',',
+        value_name = "NUMBER=HOST[:PORT]"
+    )]
+    pub robot_address: Vec<OwnPlace>,
+    /// Where frames for several robots go, most often a broadcast address; port: the base, unless given. Without it every
+    /// robot gets frames of its own.
+    #[arg(long, env = "ROBOPHEUS_ROBOT_BROADCAST", value_name = "HOST[:PORT]")]
+    pub robot_broadcast: Option<Place>,
     /// What carries the frames: ideal, wifi, wifi-bursty, digimesh or serial. Runs that it cannot carry are refused.
     #[arg(long, env = "ROBOPHEUS_MEDIUM", default_value = "wifi", value_parser = crate::medium::named)]
     pub medium: MediumKind,
@@ -42,9 +55,9 @@ pub struct Config {
     /// Socket of a tracker that tells poses itself, instead of cameras.
     #[arg(long, env = "ROBOPHEUS_TRACKER")]
     pub tracker: Option<PathBuf>,
-    /// Socket of the hand that puts robots on the floor.
+    /// Socket of the hand that puts robots on the floor (`docs/hand.md`); without it people do so by themselves.
     #[arg(long, env = "ROBOPHEUS_HAND")]
-    pub hand: PathBuf,
+    pub hand: Option<PathBuf>,
     /// Address of the hub that other servers of this machine follow runs on; port 0 takes any, the real one stands in
     /// `<data>/lab-hub.addr`.
     #[arg(long, env = "ROBOPHEUS_HUB_LISTEN", default_value = "127.0.0.1:0")]

@@ -1,13 +1,21 @@
 //! What the laboratory hears of one robot: telemetry in order, on the laboratory's clock; without socket.
 
-use crate::clock_map::{ClockMap, MappedTime};
+use crate::clock_map::{ClockMap, MappedTime, link_clock_ms};
 use crate::link_statistics::{LinkMeter, LinkStatistics};
 use crate::record::Telemetry;
 use robot::frame::{self, Counters, FrameError, Header, Health, Payload, Status};
 use robot::key::Key;
 
-/// Telemetry that repeats or goes back by up to this many frames is a copy or was overtaken; more is a restart.
+/// A frame that repeats or goes back by less than this is a copy or was overtaken; one that goes back further comes from a robot
+/// that was switched off and on, or from an adversary.
 const REORDER_FRAMES: i32 = 1000;
+/// A frame that echoes what was sent within this time was made just now.
+const FRESH_MS: i32 = 500;
+/// Both clocks count whole milliseconds.
+const COUNT_MS: i32 = 2;
+/// After so long without a frame, a fresh one is believed whatever its epoch and sequence: a robot switched off and on is heard
+/// again no later than this.
+pub const RESTART_US: i64 = 1_000_000;
 /// Bit of the status byte: latched off.
 pub const STATUS_LATCHED: u8 = 1 << 2;
 /// Bit of the status byte: the robot knows the laboratory's clock and accepts commands.
@@ -25,14 +33,28 @@ pub enum Refusal {
     NotTelemetry,
     #[error("a copy, or overtaken by a newer frame")]
     OutOfOrder,
+    #[error("epoch {found} is older than {newest}")]
+    OldEpoch { newest: u32, found: u32 },
+    #[error("authentic, but nothing shows that it was made just now")]
+    Replayed,
 }
 
 /// See the module.
 #[derive(Debug, Clone, Default)]
 pub struct Ear {
     clock: ClockMap,
-    last_sequence: Option<u32>,
+    newest: Option<Newest>,
     meter: LinkMeter,
+}
+
+/// The last frame that was used.
+#[derive(Debug, Clone, Copy)]
+struct Newest {
+    epoch: u32,
+    sequence: u32,
+    /// Largest echo so far; 0 before the first.
+    echo_ms: u32,
+    arrival_us: i64,
 }
 
 /// What a robot says.
@@ -54,30 +76,96 @@ impl Ear {
         }
     }
 
-    /// Takes a datagram that came from this robot.
+    /// Takes a datagram that came from this robot. Used or not, it counts once.
+    ///
+    /// Whoever recorded frames can send them again, and their MAC is good. What shows that a frame is new is its echo: the
+    /// laboratory's own clock, under the robot's MAC. The rules, in this order:
+    ///
+    /// 1. An echo from the future, or a first frame with an old echo: refused.
+    /// 2. After [`RESTART_US`] without a frame: a fresh one is used, whatever its epoch and sequence.
+    /// 3. An epoch below the newest: refused. A new one begins the sequence anew.
+    /// 4. Forward: used, unless its echo is older than one before, or it leaps far without an echo.
+    /// 5. Backward by less than 1000 frames: a copy, or overtaken. Further: a restart if it is fresh, else refused.
     pub fn listen(&mut self, bytes: &[u8], key: &Key, arrival_us: i64) -> Result<Heard, Refusal> {
         let frame::Frame { header, payload } = frame::decode(bytes, key).inspect_err(|_| self.meter.refused())?;
-        let step = self
-            .last_sequence
-            .map_or(1, |last| header.sequence.wrapping_sub(last).cast_signed());
-        if step <= 0 && step > -REORDER_FRAMES {
-            self.meter.late();
-            return Err(Refusal::OutOfOrder);
+        if !matches!(
+            payload,
+            Payload::Telemetry(_) | Payload::Health(_) | Payload::Counters(_)
+        ) {
+            // The laboratory's own frames, thrown back at it: neither their sequence nor their clock is the robot's.
+            self.meter.refused();
+            return Err(Refusal::NotTelemetry);
         }
+        let step = self.step(&header, arrival_us).inspect_err(|refusal| match refusal {
+            Refusal::OutOfOrder => self.meter.late(),
+            _ => self.meter.replayed(),
+        })?;
         let mapped = self.clock.observe(header.clock_ms, header.echo_ms, arrival_us);
         let heard = match payload {
             Payload::Telemetry(telemetry) => Heard::Motion(motion(&header, &telemetry, arrival_us, mapped)),
             Payload::Health(health) => Heard::Health(health),
             Payload::Counters(counters) => Heard::Counters(counters),
-            _ => {
-                self.meter.refused();
-                return Err(Refusal::NotTelemetry);
-            }
+            _ => return Err(Refusal::NotTelemetry),
         };
-        self.last_sequence = Some(header.sequence);
+        let echo_before_ms = self.newest.map_or(0, |newest| newest.echo_ms);
+        self.newest = Some(Newest {
+            epoch: header.epoch,
+            sequence: header.sequence,
+            echo_ms: if header.echo_ms == 0 {
+                echo_before_ms
+            } else {
+                header.echo_ms
+            },
+            arrival_us,
+        });
         let delay_us = (mapped.bound_us < i64::MAX).then(|| arrival_us - mapped.at_us);
-        self.meter.received(i64::from(step).max(1), delay_us);
+        self.meter.received(step, delay_us);
         Ok(heard)
+    }
+
+    /// Sequence numbers since the frame before, 1 after a restart; the rules of [`Self::listen`].
+    fn step(&self, header: &Header, arrival_us: i64) -> Result<i64, Refusal> {
+        let has_echo = header.echo_ms != 0;
+        let echo_age_ms = link_clock_ms(arrival_us).wrapping_sub(header.echo_ms).cast_signed();
+        let is_fresh = has_echo && (-COUNT_MS..=FRESH_MS).contains(&echo_age_ms);
+        if has_echo && echo_age_ms < -COUNT_MS {
+            return Err(Refusal::Replayed);
+        }
+        let Some(newest) = self.newest else {
+            return if is_fresh || !has_echo {
+                Ok(1)
+            } else {
+                Err(Refusal::Replayed)
+            };
+        };
+        let step = header.sequence.wrapping_sub(newest.sequence).cast_signed();
+        let is_quiet = arrival_us - newest.arrival_us >= RESTART_US;
+        if is_fresh && is_quiet {
+            return Ok(i64::from(step).max(1));
+        }
+        if header.epoch < newest.epoch {
+            return Err(Refusal::OldEpoch {
+                newest: newest.epoch,
+                found: header.epoch,
+            });
+        }
+        let is_new_epoch = header.epoch > newest.epoch;
+        let had_echo = newest.echo_ms != 0;
+        let goes_back = has_echo && had_echo && header.echo_ms.wrapping_sub(newest.echo_ms).cast_signed() < 0;
+        let leaps_blindly = !has_echo && had_echo && step >= REORDER_FRAMES;
+        match step {
+            _ if goes_back && !is_fresh && (step > 0 || is_new_epoch) => Err(Refusal::Replayed),
+            _ if is_new_epoch => Ok(if (1..REORDER_FRAMES).contains(&step) {
+                i64::from(step)
+            } else {
+                1
+            }),
+            1.. if leaps_blindly => Err(Refusal::Replayed),
+            1.. => Ok(i64::from(step)),
+            back if back > -REORDER_FRAMES => Err(Refusal::OutOfOrder),
+            _ if is_fresh => Ok(1),
+            _ => Err(Refusal::Replayed),
+        }
     }
 
     /// How well its frames come through.

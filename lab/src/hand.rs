@@ -1,4 +1,4 @@
-//! The hand that puts robots on the floor: in the emulated laboratory a socket, in a real one a person with a tablet.
+//! The hand that puts robots on the floor (`docs/hand.md`): in the emulated laboratory a socket, in a real one a person with a tablet.
 
 use serde::{Deserialize, Serialize};
 use std::io;
@@ -36,8 +36,11 @@ struct Reply {
 
 /// Puts these robots on the floor and takes all others off it.
 ///
+/// - `socket`: none where the laboratory has no hand, which is an error: ask only when somebody must be carried.
 /// - `keep`: robots on the floor that stay where they are.
-pub async fn place(socket: &Path, robots: &[Placement], keep: &[u8]) -> io::Result<()> {
+pub async fn place(socket: Option<&Path>, robots: &[Placement], keep: &[u8]) -> io::Result<()> {
+    let socket =
+        socket.ok_or_else(|| io::Error::new(io::ErrorKind::NotFound, "this laboratory has no hand (--hand)"))?;
     match tokio::time::timeout(TIME_LIMIT, ask(socket, robots, keep)).await {
         Ok(result) => result,
         Err(_) => Err(io::Error::new(

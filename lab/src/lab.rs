@@ -3,12 +3,14 @@
 use crate::config::Config;
 use crate::desk::{Desk, DeskPlaces};
 use crate::docks::Docks;
+use crate::edge::Edge;
 use crate::epochs::EpochBook;
 use crate::hub;
 use crate::link::{Link, RobotLink};
 use crate::link_statistics::LinkStatistics;
 use crate::localisation::{Localisation, Source};
 use crate::pose_frame::SeenPose;
+use crate::robot_addresses::RobotAddresses;
 use crate::stop_latch::StopLatch;
 use crate::stop_port::{StateSource, StopState};
 use anyhow::{Context, Result, bail};
@@ -17,7 +19,6 @@ use api::lab::{LabDescription, LabStatus, RobotStatus};
 use robot::key::Key;
 use robot::medium::MediumProfile;
 use std::collections::{BTreeMap, BTreeSet};
-use std::net::ToSocketAddrs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -34,7 +35,8 @@ pub struct Lab {
     /// What carries the frames.
     pub medium: &'static MediumProfile,
     pub localisation: Arc<Localisation>,
-    pub hand: PathBuf,
+    /// None = people put robots on the floor by themselves.
+    pub hand: Option<PathBuf>,
     pub docks: Docks,
     pub book: Arc<Mutex<EpochBook>>,
     /// The service knows this laboratory.
@@ -72,13 +74,10 @@ impl Lab {
         let docks = config.docks.as_deref().map(|path| Docks::read(path, &description));
         let docks = docks.transpose()?.unwrap_or_default();
         let mut book = EpochBook::open(&folder.join("epochs.json")).context("read the epochs of the robots")?;
-        let host = (config.robot_host.as_str(), config.robot_udp_base);
-        let base = host
-            .to_socket_addrs()
-            .context("resolve the robot host")?
-            .next()
-            .context("the robot host has no address")?;
-        let link = Link::start(&description.robots, &read_keys(&config.keys)?, base, &mut book)
+        let (own, groups) = (&config.robot_address, config.robot_broadcast.as_ref());
+        let addresses = RobotAddresses::resolve(&config.robot_host, config.robot_udp_base, own, groups)
+            .context("resolve the robots' addresses")?;
+        let link = Link::start(&description.robots, &read_keys(&config.keys)?, &addresses, &mut book)
             .context("start the robot link")?;
         let source = match (&config.tracker, config.camera.is_empty()) {
             (None, false) => Source::Cameras(config.camera.clone()),
@@ -178,6 +177,7 @@ impl StateSource for Lab {
             run: activity.map(|activity| activity.run_id.to_string()),
             phase: activity.map(|activity| activity.phase.to_owned()),
             robots: self.robots(),
+            edge: Edge::of(self),
         }
     }
 }

@@ -1,28 +1,33 @@
-//! The robot link: command frames out, telemetry in. Only a [`SafeCommand`] can make a robot move.
+//! The robot link: command frames out, telemetry in. Only a [`control::safety::SafeCommand`] can make a robot move.
+
+mod port;
+
+pub use port::{HeldPort, RobotPort};
 
 use crate::clock::monotonic_us;
-use crate::clock_map::link_clock_ms;
-use crate::commander::{CommandPart, Commander, Order, Sent, Still};
+use crate::commander::{Commander, Still};
 use crate::ear::{Ear, Heard, STATUS_STOPPED};
 use crate::epochs::{EpochBook, RESERVED_FRAMES};
 use crate::feed::Feed;
 use crate::ladder::{Finding, Findings, Held, Ladder};
 use crate::link_statistics::LinkStatistics;
+use crate::mouth::Mouth;
 use crate::record::Telemetry;
+use crate::robot_addresses::RobotAddresses;
 use api::robot::LabRobot;
-use control::safety::SafeCommand;
-use robot::frame::{GROUP_MAX_ROBOTS, GroupHeader, Health, MAX_CHARACTERS, Part, encode_group};
+use robot::frame::{Counters, Health};
 use robot::key::Key;
 use std::collections::BTreeMap;
 use std::io;
 use std::net::{IpAddr, SocketAddr, UdpSocket};
-use std::ops::{Deref, DerefMut};
-use std::sync::atomic::{AtomicU8, AtomicU32, Ordering};
+use std::sync::atomic::{AtomicU8, AtomicU32, AtomicU64, Ordering};
 use std::sync::mpsc::Receiver;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A robot that was silent for longer is offline.
 pub const ONLINE_US: i64 = 500_000;
+/// Statistics of a robot that only sends motion telemetry are renewed this often.
+const SHOWN_PERIOD_US: i64 = 100_000;
 /// Where the robot number stands in a frame: after `:`, version and type.
 const NUMBER_DIGITS: std::ops::Range<usize> = 5..7;
 
@@ -31,6 +36,8 @@ const NUMBER_DIGITS: std::ops::Range<usize> = 5..7;
 pub struct Link {
     robots: BTreeMap<u8, Arc<RobotLink>>,
     feed: Feed<Telemetry>,
+    /// Datagrams that are for no robot of this laboratory.
+    strange: AtomicU64,
 }
 
 /// One robot as the receiving side knows it.
@@ -44,48 +51,45 @@ pub struct RobotLink {
     newest: Mutex<Option<Telemetry>>,
     /// Newest health with its arrival; robots that send it read groups, too.
     health: Mutex<Option<(Health, i64)>>,
+    /// What it last said of the frames that it got.
+    counters: Mutex<Option<Counters>>,
     statistics: Mutex<LinkStatistics>,
     /// The gravest finding that counts now, for the control loop, which takes no lock.
     finding: AtomicU8,
     held: Mutex<Option<Held>>,
+    /// Frames to it that could not be sent.
+    unsent: AtomicU64,
     /// Right to send; a run takes it out.
     port: Mutex<Option<RobotPort>>,
-}
-
-/// The right to send to one robot under one epoch. Exists once per robot.
-#[derive(Debug)]
-pub struct RobotPort {
-    robot: Arc<RobotLink>,
-    socket: Arc<UdpSocket>,
-    address: SocketAddr,
-    commander: Commander,
-    last_sequence: u32,
 }
 
 impl Link {
     /// Binds one socket for all robots and starts receiving.
     ///
-    /// - `base`: robot `n` listens on UDP port `base + n`.
+    /// - Errors: no key or no port for a robot, or an address for a robot that is not there.
     pub fn start(
         robots: &[LabRobot],
         keys: &BTreeMap<u8, Key>,
-        base: SocketAddr,
+        addresses: &RobotAddresses,
         book: &mut EpochBook,
     ) -> io::Result<Arc<Self>> {
-        let any = if base.is_ipv4() {
+        let is_known = |number: &u8| robots.iter().any(|robot| robot.number == *number);
+        if let Some(number) = addresses.own().find(|number| !is_known(number)) {
+            return Err(io::Error::other(format!(
+                "an address for robot {number}, which this laboratory does not have"
+            )));
+        }
+        let any = if addresses.is_ipv4() {
             IpAddr::from([0, 0, 0, 0])
         } else {
             IpAddr::from([0_u16; 8])
         };
         let socket = Arc::new(UdpSocket::bind(SocketAddr::new(any, 0))?);
+        let mouth = Arc::new(Mouth::new(socket.clone(), addresses.groups())?);
         let mut links = BTreeMap::new();
         for lab_robot in robots {
             let number = lab_robot.number;
             let missing = || io::Error::other(format!("no link key for robot {number}"));
-            let port = base
-                .port()
-                .checked_add(u16::from(number))
-                .ok_or_else(|| io::Error::other("robot port beyond 65535"))?;
             let link = Arc::new(RobotLink {
                 number,
                 name: lab_robot.description.name.clone(),
@@ -93,16 +97,18 @@ impl Link {
                 heard_clock_ms: AtomicU32::new(0),
                 newest: Mutex::default(),
                 health: Mutex::default(),
+                counters: Mutex::default(),
                 statistics: Mutex::default(),
                 finding: AtomicU8::new(Finding::Fine.to_byte()),
                 held: Mutex::default(),
+                unsent: AtomicU64::new(0),
                 port: Mutex::default(),
             });
             let place = book.reserve(number)?;
             link.put_port(RobotPort {
                 robot: link.clone(),
-                socket: socket.clone(),
-                address: SocketAddr::new(base.ip(), port),
+                mouth: mouth.clone(),
+                address: addresses.of(number)?,
                 commander: Commander::new(
                     number,
                     link.key,
@@ -117,6 +123,7 @@ impl Link {
         let link = Arc::new(Self {
             robots: links,
             feed: Feed::default(),
+            strange: AtomicU64::new(0),
         });
         let receiver = link.clone();
         std::thread::Builder::new()
@@ -140,9 +147,15 @@ impl Link {
         self.feed.listen()
     }
 
+    /// Datagrams that are for no robot of this laboratory, since the start.
+    pub fn strange_datagrams(&self) -> u64 {
+        self.strange.load(Ordering::Relaxed)
+    }
+
     fn receive(&self, socket: &UdpSocket) {
         let mut buffer = [0; 512];
-        let mut ears: BTreeMap<u8, Ear> = BTreeMap::new();
+        // Each with when its statistics were last shown.
+        let mut ears: BTreeMap<u8, (Ear, i64)> = BTreeMap::new();
         let mut ladders: BTreeMap<u8, Ladder> = BTreeMap::new();
         loop {
             let length = match socket.recv_from(&mut buffer) {
@@ -156,19 +169,29 @@ impl Link {
             let arrival_us = monotonic_us();
             let bytes = buffer.get(..length).unwrap_or_default();
             let Some(robot) = addressed(bytes).and_then(|number| self.robots.get(&number)) else {
+                self.strange.fetch_add(1, Ordering::Relaxed);
                 continue;
             };
-            let ear = ears.entry(robot.number).or_default();
-            let sample = match ear.listen(bytes, &robot.key, arrival_us) {
+            let (ear, shown_us) = ears.entry(robot.number).or_insert_with(|| (Ear::default(), i64::MIN));
+            let heard = ear.listen(bytes, &robot.key, arrival_us);
+            // Quantiles cost more than a frame: not at every one of 120 a second.
+            let is_motion = matches!(heard, Ok(Heard::Motion(_)));
+            if !is_motion || arrival_us.saturating_sub(*shown_us) >= SHOWN_PERIOD_US {
+                *shown_us = arrival_us;
+                *lock(&robot.statistics) = ear.statistics();
+            }
+            let sample = match heard {
                 Ok(Heard::Motion(sample)) => sample,
                 Ok(Heard::Health(health)) => {
                     *lock(&robot.health) = Some((health, arrival_us));
-                    *lock(&robot.statistics) = ear.statistics();
                     let ladder = ladders.entry(robot.number).or_default();
                     robot.take_findings(ladder.report(&Findings::of(&health), arrival_us));
                     continue;
                 }
-                Ok(Heard::Counters(_)) => continue,
+                Ok(Heard::Counters(counters)) => {
+                    *lock(&robot.counters) = Some(counters);
+                    continue;
+                }
                 Err(refusal) => {
                     tracing::debug!(robot.id = %robot.name, %refusal, "frame refused");
                     continue;
@@ -219,9 +242,19 @@ impl RobotLink {
         }
     }
 
-    /// How well its frames come through, at the last health frame.
+    /// What it last said of the frames that it got, since its power-on; none before.
+    pub fn counters(&self) -> Option<Counters> {
+        *lock(&self.counters)
+    }
+
+    /// How well its frames come through, up to 0.1 s ago.
     pub fn statistics(&self) -> LinkStatistics {
         *lock(&self.statistics)
+    }
+
+    /// Frames to it that could not be sent, since the start.
+    pub fn unsent(&self) -> u64 {
+        self.unsent.load(Ordering::Relaxed)
     }
 
     /// Heard within the last half second.
@@ -269,100 +302,5 @@ impl RobotLink {
         }
         port.still(still, 0);
         true
-    }
-}
-
-/// A [`RobotPort`] that a run holds; it goes back when this is dropped, even by a panic.
-#[derive(Debug)]
-pub struct HeldPort(RobotPort);
-
-impl Deref for HeldPort {
-    type Target = RobotPort;
-
-    fn deref(&self) -> &RobotPort {
-        &self.0
-    }
-}
-
-impl DerefMut for HeldPort {
-    fn deref_mut(&mut self) -> &mut RobotPort {
-        &mut self.0
-    }
-}
-
-impl Drop for HeldPort {
-    fn drop(&mut self) {
-        let port = &self.0;
-        port.robot.put_port(RobotPort {
-            robot: port.robot.clone(),
-            socket: port.socket.clone(),
-            commander: port.commander.clone(),
-            ..*port
-        });
-    }
-}
-
-impl RobotPort {
-    /// The robot behind it.
-    pub fn robot(&self) -> &Arc<RobotLink> {
-        &self.robot
-    }
-
-    /// From now on frames carry this epoch, which [`EpochBook::begin`] opened for this robot.
-    pub fn begin_epoch(&mut self, epoch: u32) {
-        self.commander.begin_epoch(epoch, 1);
-        self.last_sequence = RESERVED_FRAMES;
-    }
-
-    /// Sends a command of the safety filter.
-    pub fn drive(&mut self, command: &SafeCommand, tick: u32) -> Sent {
-        self.send(Order::Drive(command), tick)
-    }
-
-    /// Sends a frame without motion.
-    pub fn still(&mut self, still: Still, tick: u32) -> Sent {
-        self.send(Order::Still(still), tick)
-    }
-
-    /// The robot reads groups: it has sent a frame of a type that came with them.
-    pub fn reads_groups(&self) -> bool {
-        lock(&self.robot.health).is_some()
-    }
-
-    /// Epoch and sequence of the next frame.
-    pub fn next_place(&self) -> (u32, u32) {
-        (self.commander.epoch(), self.commander.next_sequence())
-    }
-
-    /// This robot's part of the group with `sequence`.
-    pub fn part(&mut self, order: Order<'_>, sequence: u32) -> (CommandPart, Sent) {
-        let heard_ms = self.robot.heard_clock_ms.load(Ordering::Relaxed);
-        self.commander.part(order, sequence, monotonic_us(), heard_ms)
-    }
-
-    /// Sends a group to all robots at once.
-    ///
-    /// - `parts`: of at most [`GROUP_MAX_ROBOTS`] robots, in the order of their numbers.
-    pub fn send_group(&self, sequence: u32, tick: u32, parts: &[CommandPart]) {
-        debug_assert!(parts.len() <= GROUP_MAX_ROBOTS);
-        let header = GroupHeader {
-            epoch: self.commander.epoch(),
-            sequence,
-            tick,
-            clock_ms: link_clock_ms(monotonic_us()),
-        };
-        let mut characters = [0; MAX_CHARACTERS];
-        let parts: Vec<Part> = parts.iter().map(|part| *part.part()).collect();
-        let length = encode_group(&header, &parts, &mut characters);
-        let base = SocketAddr::new(self.address.ip(), self.address.port() - u16::from(self.robot.number));
-        let _lost = self.socket.send_to(characters.get(..length).unwrap_or_default(), base);
-    }
-
-    fn send(&mut self, order: Order<'_>, tick: u32) -> Sent {
-        let heard_ms = self.robot.heard_clock_ms.load(Ordering::Relaxed);
-        let (frame, sent) = self.commander.frame(order, tick, monotonic_us(), heard_ms);
-        // A frame that cannot be sent is a lost frame: the robot's watchdog and the silence limits deal with those.
-        let _lost = self.socket.send_to(frame.as_bytes(), self.address);
-        sent
     }
 }

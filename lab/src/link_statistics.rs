@@ -10,6 +10,7 @@ pub struct LinkMeter {
     lost: u64,
     late: u64,
     refused: u64,
+    replayed: u64,
     delays_us: [i64; DELAYS],
     next: usize,
 }
@@ -25,6 +26,8 @@ pub struct LinkStatistics {
     pub late: u64,
     /// Damaged, forged or of no known type.
     pub refused: u64,
+    /// Authentic, but of an older epoch, or older than they may be.
+    pub replayed: u64,
     /// One way, robot to laboratory, by the estimated clock offset.
     pub delay_p50_ms: f64,
     pub delay_p95_ms: f64,
@@ -46,6 +49,7 @@ impl Default for LinkMeter {
             lost: 0,
             late: 0,
             refused: 0,
+            replayed: 0,
             delays_us: [i64::MAX; DELAYS],
             next: 0,
         }
@@ -76,6 +80,11 @@ impl LinkMeter {
         self.refused += 1;
     }
 
+    /// Authentic and old.
+    pub fn replayed(&mut self) {
+        self.replayed += 1;
+    }
+
     /// The figures now.
     pub fn statistics(&self) -> LinkStatistics {
         let mut known: Vec<i64> = self
@@ -95,6 +104,7 @@ impl LinkMeter {
             lost: self.lost,
             late: self.late,
             refused: self.refused,
+            replayed: self.replayed,
             delay_p50_ms: quantile_ms(0.5),
             delay_p95_ms,
             jitter_ms: 0.5 * (delay_p95_ms - p5_ms),

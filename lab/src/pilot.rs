@@ -5,16 +5,16 @@ use crate::commander::{Sent, Still};
 use crate::delay::DelayMeter;
 use crate::ear::{STATUS_LATCHED, STATUS_STOPPED};
 use crate::estimator::{Belief, PoseSample, PoseTrack};
+use crate::interventions;
 use crate::notes;
 use crate::pose_frame::{PoseFrame, SeenPose};
-use crate::record::{Command, Intervention, Log, LogLevel, Picture, Pose, Record, SafetyKind, Telemetry};
+use crate::record::{Command, Log, LogLevel, Picture, Pose, Record, Telemetry};
 use crate::robot_limits::RobotLimits;
 use crate::safety::{Ending, Inputs, Permission, RobotHealth, Safety, Signals};
 use crate::strangers::{self, Strangers};
 use control::law::RobotObservation;
-use control::safety::{Cause, SafeCommand};
+use control::safety::SafeCommand;
 use control::team::{Team, TeamOutput};
-use std::borrow::Cow;
 use twin::pose::Pose as TwinPose;
 use twin::twist::BodyTwist;
 
@@ -347,17 +347,9 @@ impl Pilot {
         // After the frames: nothing here is as urgent as they are.
         for (robot, output) in self.robots.iter().zip(outputs) {
             if let Some(intervention) = &output.intervention {
-                let (kind, cause, other) = explain(&intervention.cause, &self.numbers);
-                sink.push(Record::Intervention(Intervention {
-                    tick: self.first_tick + slot,
-                    at_us: now_us,
-                    robot: robot.number,
-                    kind,
-                    cause: Cow::Borrowed(cause),
-                    other,
-                    change_m_per_s: intervention.change_m_per_s,
-                    change_rad_per_s: intervention.change_rad_per_s,
-                }));
+                let tick = self.first_tick + slot;
+                let record = interventions::record(intervention, &self.numbers, robot.number, tick, now_us);
+                sink.push(Record::Intervention(record));
             }
         }
         if overdue == 0 {
@@ -481,38 +473,5 @@ fn command_record(robot: u8, tick: i64, sent: &Sent, output: Option<&TeamOutput>
         pose_age_us: health.pose_age_us,
         link_age_us: health.telemetry_age_us,
         finished: output.is_some_and(|output| output.finished),
-    }
-}
-
-/// Kind, cause and the other robot of an intervention.
-///
-/// - `numbers`: of the robots, in the order of the experiment.
-pub(crate) fn explain(cause: &Cause, numbers: &[u8]) -> (SafetyKind, &'static str, Option<u8>) {
-    use control::safety::WallSide;
-    match cause {
-        Cause::Robot { other } => {
-            let other = numbers.get(*other as usize).copied();
-            (SafetyKind::Robot, "robot", other)
-        }
-        Cause::Wall { side: WallSide::Left } => (SafetyKind::Wall, "wall_left", None),
-        Cause::Wall { side: WallSide::Right } => (SafetyKind::Wall, "wall_right", None),
-        Cause::Wall { side: WallSide::Bottom } => (SafetyKind::Wall, "wall_bottom", None),
-        Cause::Wall { side: WallSide::Top } => (SafetyKind::Wall, "wall_top", None),
-        Cause::Geofence { .. } => (SafetyKind::Wall, "geofence", None),
-        Cause::FixedObstacle { .. } => (SafetyKind::Wall, "fixed_obstacle", None),
-        Cause::PushableObstacle { .. } => (SafetyKind::Wall, "pushable_obstacle", None),
-        Cause::MovingObstacle { .. } => (SafetyKind::Wall, "moving_obstacle", None),
-        Cause::Deadlock => (SafetyKind::Robot, "deadlock", None),
-        Cause::Speed => (SafetyKind::Speed, "speed", None),
-        Cause::Steering => (SafetyKind::Speed, "steering", None),
-        Cause::Turn => (SafetyKind::Speed, "turn", None),
-        Cause::WheelSpeed => (SafetyKind::Speed, "wheel_speed", None),
-        Cause::PoseAge => (SafetyKind::Stop, "pose_age", None),
-        Cause::Latency => (SafetyKind::Stop, "latency", None),
-        Cause::Offline => (SafetyKind::Stop, "offline", None),
-        Cause::NotFinite => (SafetyKind::Stop, "not_finite", None),
-        Cause::Infeasible => (SafetyKind::Stop, "infeasible", None),
-        Cause::NotConverged => (SafetyKind::Stop, "not_converged", None),
-        Cause::Late => (SafetyKind::Stop, "late", None),
     }
 }

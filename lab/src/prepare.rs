@@ -4,7 +4,7 @@ use crate::approach::{self, Approach};
 use crate::commander::Still;
 use crate::ear::{STATUS_CLOCK_KNOWN, STATUS_LATCHED};
 use crate::estimator::wrap_rad;
-use crate::hand::{self, Placement};
+use crate::gather::{gather, nobody_carries, place};
 use crate::lab::Lab;
 use crate::lease::Lease;
 use crate::link::HeldPort;
@@ -23,9 +23,7 @@ use std::time::Duration;
 use tokio::time::Instant;
 
 /// Everything must be in place within this time.
-const TIME_LIMIT: Duration = Duration::from_secs(15);
-/// The hand may be tried again after this.
-const HAND_RETRY: Duration = Duration::from_millis(500);
+pub(crate) const TIME_LIMIT: Duration = Duration::from_secs(15);
 /// Between two looks.
 const LOOK_PERIOD: Duration = Duration::from_millis(20);
 /// Everything must have been in place for this long.
@@ -33,7 +31,7 @@ const SETTLED: Duration = Duration::from_millis(300);
 /// Between two frames without motion: robots need a few to know the laboratory's clock.
 const FRAME_PERIOD: Duration = Duration::from_millis(16);
 /// Older poses and telemetry do not count.
-const FRESH_US: i64 = 100_000;
+pub(crate) const FRESH_US: i64 = 100_000;
 /// Distance and angle from the start.
 const START_TOLERANCE_M: f64 = 0.05;
 const START_TOLERANCE_RAD: f64 = 0.1;
@@ -42,7 +40,7 @@ const START_TOLERANCE_RAD: f64 = 0.1;
 #[derive(Debug)]
 pub struct Keeper {
     over: Arc<AtomicBool>,
-    thread: JoinHandle<Vec<HeldPort>>,
+    thread: Option<JoinHandle<Vec<HeldPort>>>,
 }
 
 impl Keeper {
@@ -66,14 +64,27 @@ impl Keeper {
                 }
                 ports
             })?;
-        Ok(Self { over, thread })
+        Ok(Self {
+            over,
+            thread: Some(thread),
+        })
     }
 
     /// Gives the ports on. Blocks for up to one frame period.
-    pub fn stop(self) -> Vec<HeldPort> {
+    pub fn stop(mut self) -> Vec<HeldPort> {
         self.over.store(true, Ordering::Release);
         // After a panic the ports are back with the link, and a run without ports cannot start.
-        self.thread.join().unwrap_or_default()
+        self.thread
+            .take()
+            .and_then(|thread| thread.join().ok())
+            .unwrap_or_default()
+    }
+}
+
+/// A preparation that fails gives the ports back to the link, for the next run.
+impl Drop for Keeper {
+    fn drop(&mut self) {
+        self.over.store(true, Ordering::Release);
     }
 }
 
@@ -98,8 +109,11 @@ pub async fn prepare(
                 Approach::Stuck(ports, why) => (ports, Some(why)),
             };
             keeper = run::keep(lab, ports)?;
-            let left = stuck.or_else(|| (!all_at_starts(lab, assignment)).then(|| "they stopped elsewhere".to_owned()));
-            if let Some(why) = left {
+            if !all_at_starts(lab, assignment) {
+                let why = stuck.unwrap_or_else(|| "they stopped elsewhere".to_owned());
+                if lab.hand.is_none() {
+                    return Err(nobody_carries(lab, assignment, &why));
+                }
                 recorder.log(LogLevel::Warning, format!("robots are carried to their starts: {why}"));
                 place(lab, assignment, parked, lease, recorder).await?;
             }
@@ -115,54 +129,6 @@ pub async fn prepare(
 pub(crate) enum Place {
     Anywhere,
     Start,
-}
-
-/// Puts the robots of the run that are not on the floor at their starts and takes all strangers off it.
-///
-/// - `true` when some were on the floor already and may have to drive.
-async fn gather(
-    lab: &Lab,
-    assignment: &Assignment,
-    parked: &[u8],
-    lease: &Lease,
-    recorder: &RecorderHandle,
-) -> Result<bool, Conclusion> {
-    let numbers = assignment.robots.iter().map(|robot| robot.number);
-    let standing: Vec<u8> = numbers.filter(|number| is_seen(lab, *number)).collect();
-    if !standing.is_empty() {
-        let missing = placements(assignment, &standing);
-        let keep: Vec<u8> = standing.iter().chain(parked).copied().collect();
-        match hand::place(&lab.hand, &missing, &keep).await {
-            Ok(()) => return Ok(true),
-            // A start may be taken by a robot that is to go elsewhere: then that one is carried as well.
-            Err(error) => recorder.log(
-                LogLevel::Info,
-                format!("all robots are carried to their starts: {error}"),
-            ),
-        }
-    }
-    place(lab, assignment, parked, lease, recorder).await?;
-    Ok(false)
-}
-
-fn is_seen(lab: &Lab, number: u8) -> bool {
-    lab.localisation
-        .pose(number)
-        .is_some_and(|(_, age_us)| age_us < FRESH_US)
-}
-
-/// Starts of the robots that are not in `standing`.
-fn placements(assignment: &Assignment, standing: &[u8]) -> Vec<Placement> {
-    let starts = assignment.experiment.robots.iter().zip(&assignment.robots);
-    starts
-        .filter(|(_, robot)| !standing.contains(&robot.number))
-        .map(|(wanted, robot)| Placement {
-            number: robot.number,
-            x_m: wanted.start.x_m,
-            y_m: wanted.start.y_m,
-            yaw_rad: wanted.start.yaw_rad,
-        })
-        .collect()
 }
 
 fn all_at_starts(lab: &Lab, assignment: &Assignment) -> bool {
@@ -206,33 +172,6 @@ pub(crate) async fn wait_ready(
     }
 }
 
-/// Has the hand put all robots of the run at their starts.
-async fn place(
-    lab: &Lab,
-    assignment: &Assignment,
-    parked: &[u8],
-    lease: &Lease,
-    recorder: &RecorderHandle,
-) -> Result<(), Conclusion> {
-    let deadline = Instant::now() + TIME_LIMIT;
-    let placements = placements(assignment, &[]);
-    loop {
-        let error = match hand::place(&lab.hand, &placements, parked).await {
-            Ok(()) => return Ok(()),
-            Err(error) => error,
-        };
-        if let Some(conclusion) = outside_ending(lab, lease) {
-            return Err(conclusion);
-        }
-        if Instant::now() + HAND_RETRY >= deadline {
-            let message = format!("The robots could not be put at their starts: {error}.");
-            return Err(Conclusion::failed(Whose::Platform, "placing_failed", message));
-        }
-        recorder.log(LogLevel::Warning, format!("placing the robots: {error}; trying again"));
-        tokio::time::sleep(HAND_RETRY).await;
-    }
-}
-
 /// Within the tolerances of a start.
 pub(crate) fn is_at(pose: &SeenPose, start: &Pose) -> bool {
     let distance_m = f64::hypot(pose.x_m - start.x_m, pose.y_m - start.y_m);
@@ -263,8 +202,16 @@ fn unready(lab: &Lab, number: u8, name: &str, start: Option<&Pose>) -> Option<Co
         ));
     }
     let Some((pose, _)) = lab.localisation.pose(number).filter(|(_, age_us)| *age_us < FRESH_US) else {
-        let message = format!("No camera sees robot {name}.");
-        return Some(Conclusion::failed(Whose::Platform, "robot_not_seen", message));
+        return Some(if lab.hand.is_some() {
+            let message = format!("No camera sees robot {name}.");
+            Conclusion::failed(Whose::Platform, "robot_not_seen", message)
+        } else {
+            let message = format!(
+                "No camera sees robot {name}, and this laboratory has no hand that puts it on the floor. Put it where cameras see it \
+                 and submit again."
+            );
+            Conclusion::failed(Whose::Operator, "placing_failed", message)
+        });
     };
     let start = start.filter(|start| !is_at(&pose, start))?;
     let distance_m = f64::hypot(pose.x_m - start.x_m, pose.y_m - start.y_m);

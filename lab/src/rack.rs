@@ -68,7 +68,7 @@ pub(crate) async fn clear_floor(lab: &Lab) {
 
 /// Has the hand take `floor.go` to the rack.
 pub(crate) async fn take_away(lab: &Lab, floor: &Floor) {
-    match hand::place(&lab.hand, &[], &floor.stay).await {
+    match hand::place(lab.hand.as_deref(), &[], &floor.stay).await {
         Ok(()) => tracing::info!(robots = ?floor.go, "robots are taken to the rack"),
         Err(error) => tracing::warn!(robots = ?floor.go, %error, "robots could not be taken to the rack"),
     }

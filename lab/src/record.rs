@@ -1,5 +1,6 @@
 //! What the laboratory writes down, one record per happening. Times are `CLOCK_MONOTONIC` microseconds of the host.
 
+use crate::edge::Edge;
 use crate::realtime::Realtime;
 use api::lab::Assignment;
 use api::note::Note;
@@ -28,6 +29,8 @@ pub enum Record {
     /// A plain 8.33 ms sleep of another thread took this much longer.
     SleepLate(i64),
     Log(Log),
+    /// What came in during the run, used or not; before the end.
+    Edge(Box<Edge>),
     End(Box<End>),
 }
 
@@ -225,6 +228,21 @@ pub struct Intervention {
     /// Length of the change of the body velocity.
     pub change_m_per_s: f64,
     pub change_rad_per_s: f64,
+    /// What was asked of the filter: forward m/s, left m/s, yaw rate rad/s.
+    #[serde(default)]
+    pub requested: [f64; 3],
+    /// What pushed, strongest first.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub pressures: Vec<Pressure>,
+}
+
+/// How much one constraint moved a command.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Pressure {
+    /// As of an intervention.
+    pub cause: std::borrow::Cow<'static, str>,
+    pub other: Option<u8>,
+    pub push_m_per_s: f64,
 }
 
 /// Which limit made the safety filter act.

@@ -2,6 +2,7 @@
 
 use crate::carry_out::{self, carry_out, refused, report_running, scenario};
 use crate::clock::monotonic_us;
+use crate::edge::Edge;
 use crate::estimator::{PoseSample, PoseTrack};
 use crate::lab::{Activity, Lab};
 use crate::ladder;
@@ -84,9 +85,13 @@ async fn attempt(lab: &Arc<Lab>, assignment: &Assignment, lease: &Arc<Lease>, re
         let message = format!("{} stays at its dock, an obstacle for the safety filter", robot.name);
         recorder.log(LogLevel::Info, message);
     }
-    match try_attempt(lab, &parked.with(assignment), &parked.numbers(), lease, recorder).await {
-        Ok(conclusion) | Err(conclusion) => conclusion,
-    }
+    let before = Edge::of(lab);
+    let (Ok(conclusion) | Err(conclusion)) =
+        try_attempt(lab, &parked.with(assignment), &parked.numbers(), lease, recorder).await;
+    let robots = assignment.robots.iter();
+    let robots: Vec<String> = robots.map(|robot| robot.description.name.clone()).collect();
+    recorder.push(Edge::of(lab).since(&before, &robots).record());
+    conclusion
 }
 
 async fn try_attempt(
@@ -103,7 +108,7 @@ async fn try_attempt(
         .map_err(|_| Conclusion::failed(Whose::Platform, "start_failed", "The team cannot be set up.".to_owned()))?
         .map_err(refused)?;
     let ports = take_ports(lab, assignment)?;
-    let grouped = ports.len() > 1 && ports.iter().all(|port| port.reads_groups());
+    let grouped = ports.len() > 1 && ports.iter().all(|port| port.takes_groups());
     medium::check(lab.medium, ports.len(), TICK_HZ as f64, grouped)?;
     let ports = prepare::prepare(lab, assignment, parked, lease, recorder, ports).await?;
     let keeper = keep(lab, ports)?;

@@ -2,6 +2,7 @@
 //! database or the rest of this process does not.
 
 use crate::durable;
+use crate::edge::Edge;
 use crate::stop_latch::StopLatch;
 use api::lab::RobotStatus;
 use http_body_util::Full;
@@ -37,6 +38,9 @@ pub struct StopState {
     /// What it is doing.
     pub phase: Option<String>,
     pub robots: Vec<RobotStatus>,
+    /// What came in since the start of the process, used or not.
+    #[serde(default)]
+    pub edge: Edge,
 }
 
 /// What the port needs from the rest of the laboratory.

@@ -4,16 +4,16 @@
 //! the end is the one of its verdict. What the model's sensors tell is written down without noise.
 
 use crate::archive::parquet::driven_wheels;
+use crate::interventions;
 use crate::notes;
-use crate::pilot::{Sink, explain, parts};
-use crate::record::{CameraName, Command, Intervention, LINK_WHEELS, Pose, Record, Telemetry};
+use crate::pilot::{Sink, parts};
+use crate::record::{CameraName, Command, LINK_WHEELS, Pose, Record, Telemetry};
 use crate::safety::Ending;
 use crate::schedule::TICK_HZ;
 use api::lab::Assignment;
 use control::rehearsal::Rehearsal;
 use control::scenario::{FieldProblem, Scenario};
 use control::team::TeamOutput;
-use std::borrow::Cow;
 use twin::free::RobotState;
 
 /// Name of the camera in the records.
@@ -105,17 +105,8 @@ impl VirtualRun {
         for (robot, output) in self.robots.iter().zip(self.twin.outputs()) {
             sink.push(Record::Command(robot.command(tick, at_us, output)));
             if let Some(intervention) = &output.intervention {
-                let (kind, cause, other) = explain(&intervention.cause, &self.numbers);
-                sink.push(Record::Intervention(Intervention {
-                    tick,
-                    at_us,
-                    robot: robot.number,
-                    kind,
-                    cause: Cow::Borrowed(cause),
-                    other,
-                    change_m_per_s: intervention.change_m_per_s,
-                    change_rad_per_s: intervention.change_rad_per_s,
-                }));
+                let record = interventions::record(intervention, &self.numbers, robot.number, tick, at_us);
+                sink.push(Record::Intervention(record));
             }
         }
     }

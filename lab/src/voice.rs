@@ -1,4 +1,5 @@
-//! The robot link of one run: a frame for each robot, or groups of commands in one broadcast frame where all robots read them.
+//! The robot link of one run: a frame for each robot, or groups of commands in one broadcast frame where the laboratory has an
+//! address for them and all robots read them.
 
 use crate::commander::{CommandPart, Order, Sent, Still};
 use crate::link::HeldPort;
@@ -8,10 +9,10 @@ use robot::frame::GROUP_MAX_ROBOTS;
 
 /// See the module.
 #[derive(Debug)]
-pub(crate) struct Voice {
+pub struct Voice {
     /// In the order of the experiment.
     ports: Vec<HeldPort>,
-    /// All robots read groups and share an epoch.
+    /// Groups reach all robots, which read them and share an epoch.
     grouped: bool,
     /// Sequence of this tick's groups; chosen with its first part.
     sequence: Option<u32>,
@@ -19,13 +20,14 @@ pub(crate) struct Voice {
 }
 
 impl Voice {
-    pub(crate) fn new(ports: Vec<HeldPort>) -> Self {
+    /// - `ports`: in the order of the experiment.
+    pub fn new(ports: Vec<HeldPort>) -> Self {
         let epoch = |port: &HeldPort| port.next_place().0;
         let same_epoch = ports.windows(2).all(|pair| match pair {
             [one, other] => epoch(one) == epoch(other),
             _ => true,
         });
-        let grouped = ports.len() > 1 && same_epoch && ports.iter().all(|port| port.reads_groups());
+        let grouped = ports.len() > 1 && same_epoch && ports.iter().all(|port| port.takes_groups());
         Self {
             parts: Vec::with_capacity(ports.len()),
             ports,
@@ -75,7 +77,13 @@ impl Outlet for Voice {
         self.parts.sort_unstable_by_key(CommandPart::robot);
         // Every robot is in one group, so all groups of a tick may have the same sequence.
         for parts in self.parts.chunks(GROUP_MAX_ROBOTS) {
-            port.send_group(sequence, tick, parts);
+            if port.send_group(sequence, tick, parts) {
+                continue;
+            }
+            let is_in = |number: u8| parts.iter().any(|part| part.robot() == number);
+            for port in self.ports.iter().filter(|port| is_in(port.robot().number)) {
+                port.note_unsent();
+            }
         }
         self.parts.clear();
     }

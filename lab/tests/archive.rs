@@ -189,6 +189,12 @@ fn mcap_holds_poses_transforms_commands_interventions_and_log_at_wall_times() {
     assert_eq!(count("/robots/diff-01/command"), TICKS);
     assert_eq!(count("/robots/diff-01/telemetry"), TICKS);
     assert_eq!((count("/safety"), count("/log"), count("/controller/notes")), (1, 2, 1));
+    let safety: serde_json::Value = serde_json::from_slice(&topics["/safety"][0].data).expect("json");
+    assert_eq!(safety["requested"], serde_json::json!([0.5, 0.0, 0.25]));
+    assert_eq!(
+        safety["pressures"],
+        serde_json::json!([{"cause": "wall_left", "other": null, "push_m_per_s": 0.125}])
+    );
     let told: serde_json::Value = serde_json::from_slice(&topics["/controller/notes"][0].data).expect("json");
     assert_eq!(told["tick"], 8);
     assert_eq!(

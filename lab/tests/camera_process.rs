@@ -4,6 +4,7 @@
 mod support;
 
 use lab::camera::pgm::Picture;
+use lab::camera::refusals::RefusalLine;
 use lab::camera::sighting::Sighting;
 use localise::CameraDocument;
 use serde_json::json;
@@ -181,8 +182,13 @@ fn pictures_of_a_board_give_the_camera_and_bad_ones_a_reason_and_no_file() {
 }
 
 /// A frame of the camera stream.
-fn frame(sequence: u64, exposure_us: i64, [width, height]: [u16; 2], pixels: &[u8]) -> Vec<u8> {
-    let mut bytes = b"RBCF\x01\x01\x00\x00".to_vec();
+fn frame(sequence: u64, exposure_us: i64, sides: [u16; 2], pixels: &[u8]) -> Vec<u8> {
+    frame_of(0, sequence, exposure_us, sides, pixels)
+}
+
+fn frame_of(camera: u16, sequence: u64, exposure_us: i64, [width, height]: [u16; 2], pixels: &[u8]) -> Vec<u8> {
+    let mut bytes = b"RBCF\x01\x01".to_vec();
+    bytes.extend(camera.to_be_bytes());
     bytes.extend(sequence.to_be_bytes());
     bytes.extend(exposure_us.to_be_bytes());
     bytes.extend(3000_u32.to_be_bytes());
@@ -227,10 +233,22 @@ fn a_recorded_stream_gives_a_line_for_each_good_picture() {
         .expect("runs");
     let words = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(output.status.success(), "{words}");
-    let lines: Vec<Sighting> = String::from_utf8_lossy(&output.stdout)
-        .lines()
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    let (refusals, sightings): (Vec<&str>, Vec<&str>) = text.lines().partition(|line| line.contains("refused"));
+    let lines: Vec<Sighting> = sightings
+        .into_iter()
         .map(|line| serde_json::from_str(line).expect("a sighting"))
         .collect();
+    // Told at once, each kind: the laboratory counts them too.
+    let told: Vec<RefusalLine> = refusals
+        .into_iter()
+        .map(|line| serde_json::from_str(line).expect("a line"))
+        .collect();
+    let counts: Vec<(u64, u64)> = told
+        .iter()
+        .map(|line| (line.refused.pixels, line.refused.size))
+        .collect();
+    assert_eq!(counts, [(1, 0), (1, 1)]);
     let sequences: Vec<u64> = lines.iter().map(|line| line.observation.sequence).collect();
     assert_eq!(sequences, [0, 1, 2, 3, 4, 6, 7, 8, 9, 10, 11]);
     assert!(lines.iter().all(|line| line.observation.poses.len() == 6));
@@ -238,4 +256,37 @@ fn a_recorded_stream_gives_a_line_for_each_good_picture() {
         words.contains("damaged") && words.contains("4 px is not possible"),
         "{words}"
     );
+}
+
+#[test]
+fn another_cameras_calibration_is_refused_with_words_that_help() {
+    let folder = Folder::new("other");
+    let file = include_bytes!("../../examples/lab/cameras/cam-1.json");
+    let calibration = folder.write("cam-1.json", file);
+    let pictures = |camera| {
+        folder.write(
+            &format!("of-{camera}.bin"),
+            &frame_of(camera, 0, 0, [640, 480], &[90; 640 * 480]),
+        )
+    };
+    let serve = |frames: &Path, more: &[&str]| {
+        let mut command = program();
+        command.arg("serve").arg("--calibration").arg(&calibration);
+        command.arg("--frames").arg(frames).args(more).output().expect("runs")
+    };
+    let wrong = serve(&pictures(0), &[]);
+    let words = String::from_utf8_lossy(&wrong.stderr).into_owned();
+    assert!(!wrong.status.success() && wrong.stdout.is_empty(), "{words}");
+    for part in [
+        "cam-1.json",
+        "camera cam-1",
+        "cam-0",
+        "--calibration",
+        "--camera-number 0",
+    ] {
+        assert!(words.contains(part), "{part}: {words}");
+    }
+    assert!(!words.contains("panicked"), "{words}");
+    assert!(serve(&pictures(1), &[]).status.success());
+    assert!(serve(&pictures(0), &["--camera-number", "0"]).status.success());
 }

@@ -3,6 +3,7 @@
 mod fixture;
 
 use fixture::Folder;
+use lab::edge::Edge;
 use lab::stop_latch::StopLatch;
 use lab::stop_port::{self, StateSource, StopState};
 use std::io::{Read, Write};
@@ -20,6 +21,7 @@ impl StateSource for Source {
             run: None,
             phase: None,
             robots: Vec::new(),
+            edge: Edge::default(),
         }
     }
 }

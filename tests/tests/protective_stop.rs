@@ -4,6 +4,8 @@
 mod stop_rig;
 
 use anyhow::ensure;
+use serde_json::Value;
+use std::collections::BTreeSet;
 use std::time::Duration;
 use stop_rig::StopRig;
 
@@ -58,6 +60,43 @@ fn presses(name: &str, count: usize) -> anyhow::Result<()> {
 #[test]
 fn a_press_reaches_every_robot_at_once_and_stays_until_it_is_cleared() -> anyhow::Result<()> {
     presses("stop", 20)
+}
+
+/// `robopheus stop` on a laboratory that has neither service nor database.
+#[test]
+fn the_command_line_stops_robots_without_a_service() -> anyhow::Result<()> {
+    let rig = StopRig::start("stop-cli")?;
+    while rig.stops.try_recv().is_ok() {}
+    let output = rig.stop_by_command_line(None)?;
+    let told = String::from_utf8_lossy(&output.stdout).into_owned();
+    let words = String::from_utf8_lossy(&output.stderr).into_owned();
+    ensure!(output.status.code() == Some(0), "{told}{words}");
+    let told: Value = serde_json::from_str(&told)?;
+    ensure!(told["stopped"] == true && told["cancelled"].is_null(), "{told}");
+    let problems = told["problems"].as_array().map_or(0, Vec::len);
+    ensure!(
+        problems == 1 && told["problems"][0].to_string().contains("service http://127.0.0.1:9"),
+        "{told}"
+    );
+    let mut stopped = BTreeSet::new();
+    while stopped.len() < rig.numbers.len() {
+        stopped.insert(rig.stops.recv_timeout(Duration::from_secs(2))?.robot);
+    }
+    rig.until_obeyed()?;
+    let (_, state) = rig.ask("GET /state")?;
+    ensure!(state["stopped"] == true, "{state}");
+
+    // Where nothing answers at all nobody may believe that robots stand.
+    let output = rig.stop_by_command_line(Some("http://127.0.0.1:9"))?;
+    let told: Value = serde_json::from_slice(&output.stdout)?;
+    ensure!(
+        output.status.code() == Some(1) && told["stopped"].is_null(),
+        "{:?} {told}",
+        output.status
+    );
+    let words = String::from_utf8_lossy(&output.stderr).into_owned();
+    ensure!(words.contains("use the hardware stop"), "{words}");
+    Ok(())
 }
 
 #[test]

@@ -1,6 +1,6 @@
 """A second robot: the rules of docs/link.md around a kinematic omni robot, in plain Python (3.11 or newer, nothing to install).
 
-    python3 robot.py --number 1 --key-file link-keys.json --port 9001 [--tracker /path/tracker.sock]
+    python3 robot.py --number 1 --key-file link-keys.json --port 9001 [--pose=-1,0.5,0] [--tracker /path/tracker.sock]
 
 It obeys commands (single and in groups), keeps the watchdog, and sends telemetry, health and counters. With --tracker it also
 plays the tracker for itself, in the format of the emulated laboratory. Targets and fixes are left out: it counts them as unknown.
@@ -269,10 +269,10 @@ class Tracker:
                 self.readers.remove(reader)
 
 
-def serve(robot, port, tracker=None, end=lambda: False):
+def serve(robot, port, tracker=None, end=lambda: False, host="127.0.0.1"):
     """Runs the robot on a UDP port of this host until `end` says so."""
     link_socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    link_socket.bind(("127.0.0.1", port))
+    link_socket.bind((host, port))
     link_socket.setblocking(False)
     start, done, commander = time.monotonic(), 0, None
     now_ms = lambda: time.monotonic_ns() // 1_000_000 % WRAP or 1
@@ -312,12 +312,17 @@ def main():
     parser.add_argument("--number", type=int, required=True)
     parser.add_argument("--key-file", required=True, help="JSON of robot numbers and 32 hexadecimal digits")
     parser.add_argument("--port", type=int, required=True)
+    parser.add_argument("--host", default="127.0.0.1", help="own address on which to listen, 0.0.0.0 for all")
+    parser.add_argument("--pose", default="0,0,0", help="where it stands: x m, y m, yaw rad")
     parser.add_argument("--tracker", help="socket on which to play the tracker")
     arguments = parser.parse_args()
     with open(arguments.key_file, encoding="ascii") as file:
         key = bytes.fromhex(json.load(file)[str(arguments.number)])
     tracker = Tracker(arguments.tracker) if arguments.tracker else None
-    serve(Robot(arguments.number, key), arguments.port, tracker)
+    robot = Robot(arguments.number, key)
+    x, y, yaw = map(float, arguments.pose.split(","))
+    robot.pose = [x, y, yaw]
+    serve(robot, arguments.port, tracker, host=arguments.host)
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ use super::parquet::TelemetryTable;
 use super::punctuality::Punctuality;
 use super::stages::StageTimes;
 use super::track::{self, Track};
+use crate::edge::Edge;
 use crate::journal::JournalReader;
 use crate::notes;
 use crate::record::{End, LogLevel, Record, Start};
@@ -92,6 +93,7 @@ struct Files {
     track: Option<Track>,
     punctuality: Punctuality,
     stages: StageTimes,
+    edge: Option<Edge>,
 }
 
 impl Files {
@@ -113,6 +115,7 @@ impl Files {
             track: None,
             punctuality: Punctuality::default(),
             stages: StageTimes::default(),
+            edge: None,
         })
     }
 
@@ -148,7 +151,14 @@ impl Files {
     /// Takes a record from before the start: it counts for `run.mcap` and the log, not for the run's figures and tables.
     fn take_before(&mut self, record: &Record) -> Result<(), ArchiveError> {
         self.mcap.take(record)?;
+        self.take_edge(record);
         self.take_log(record)
+    }
+
+    fn take_edge(&mut self, record: &Record) {
+        if let Record::Edge(edge) = record {
+            self.edge = Some((**edge).clone());
+        }
     }
 
     fn take_log(&mut self, record: &Record) -> Result<(), ArchiveError> {
@@ -181,6 +191,7 @@ impl Files {
         if let Some(track) = &mut self.track {
             track.take(record);
         }
+        self.take_edge(record);
         self.take_log(record)
     }
 
@@ -222,6 +233,7 @@ impl Files {
             ticks_missed,
             tick_jitter,
             stages,
+            edge: self.edge,
         };
         write_json(&self.folder.join(manifest::FILE_NAME), &manifest)?;
         for robot in &start.assignment.robots {

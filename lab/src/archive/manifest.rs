@@ -1,6 +1,7 @@
 //! `manifest.json`: what an archive holds, whether it is all there, and how punctual the loop was.
 
 use super::stages::Stages;
+use crate::edge::Edge;
 use crate::realtime::Realtime;
 use api::run::{Fault, RunState};
 use serde::{Deserialize, Serialize};
@@ -36,6 +37,9 @@ pub struct Manifest {
     /// How long each stage from light to command took.
     #[serde(default)]
     pub stages: Stages,
+    /// What came in at the laboratory's edge during the run, used or not; absent in a virtual run and in one that was cut off.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub edge: Option<Edge>,
 }
 
 /// One file of the archive.

@@ -1,10 +1,12 @@
 //! `robopheus-camera`: the edge computer of one camera, and the tool that calibrates it.
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use clap::{Parser, Subcommand};
 use lab::camera::eye::Eye;
 use lab::camera::frame_stream::{FrameError, Received, read_frame};
+use lab::camera::identity::Identity;
 use lab::camera::outlet::Outlet;
+use lab::camera::refusals::{PictureRefusals, RefusalLine};
 use lab::camera::sighting::Sighting;
 use lab::camera::tool;
 use lab::clock::monotonic_us;
@@ -63,6 +65,9 @@ struct Serve {
     /// Height of the tags above the floor.
     #[arg(long, default_value_t = 0.15)]
     tag_height_m: f64,
+    /// Number of the camera in its frames; left out: the digits at the end of its name in the calibration file, if it has any.
+    #[arg(long)]
+    camera_number: Option<u16>,
     /// Tags from this number on are not robots.
     #[arg(long, default_value_t = 256)]
     robots: u16,
@@ -86,6 +91,18 @@ fn main() -> Result<()> {
     }
 }
 
+/// Between two lines about pictures that are not used.
+const REFUSAL_PERIOD_US: i64 = 1_000_000;
+
+/// Why a stream is not read any further.
+#[derive(Debug, thiserror::Error)]
+enum Trouble {
+    #[error(transparent)]
+    Frame(#[from] FrameError),
+    #[error("{0}")]
+    OtherCamera(String),
+}
+
 /// Where the lines go.
 enum Lines {
     Socket(Outlet),
@@ -93,10 +110,12 @@ enum Lines {
 }
 
 impl Lines {
-    fn send(&mut self, line: &[u8]) -> io::Result<()> {
+    fn send(&mut self, document: &impl serde::Serialize) -> io::Result<()> {
+        let mut line = serde_json::to_vec(document)?;
+        line.push(b'\n');
         match self {
-            Self::Socket(outlet) => outlet.send(line),
-            Self::Standard => io::stdout().write_all(line)?,
+            Self::Socket(outlet) => outlet.send(&line),
+            Self::Standard => io::stdout().write_all(&line)?,
         }
         Ok(())
     }
@@ -108,29 +127,39 @@ fn run(serve: &Serve) -> Result<()> {
     let camera = localise::CameraDocument::from_json(&text)
         .and_then(|document| document.check())
         .with_context(|| format!("{} is not a camera's calibration", path.display()))?;
-    let mut eye = Eye::new(camera, serve.tag_height_m, serve.robots)?;
-    let mut lines = match &serve.poses {
+    let identity = Identity::new(path, camera.name(), serve.camera_number);
+    let lines = match &serve.poses {
         Some(path) => Lines::Socket(Outlet::listen(path)?),
         None => Lines::Standard,
+    };
+    let mut watch = Watch {
+        eye: Eye::new(camera, serve.tag_height_m, serve.robots)?,
+        identity,
+        lines,
+        refused: PictureRefusals::default(),
+        told_us: i64::MIN,
     };
     let is_socket = std::fs::metadata(&serve.frames).is_ok_and(|data| data.file_type().is_socket());
     if !is_socket && serve.frames.is_file() {
         let file = File::open(&serve.frames).with_context(|| serve.frames.display().to_string())?;
-        return match watch(&mut eye, &mut BufReader::new(file), &mut lines) {
-            Err(FrameError::Io(error)) if error.kind() == io::ErrorKind::UnexpectedEof => Ok(()),
+        return match watch.follow(&mut BufReader::new(file)) {
+            Err(Trouble::Frame(FrameError::Io(error))) if error.kind() == io::ErrorKind::UnexpectedEof => Ok(()),
             Err(error) => Err(error).with_context(|| serve.frames.display().to_string()),
             Ok(never) => match never {},
         };
     }
-    tracing::info!(camera = eye.name(), frames = %serve.frames.display(), "camera's process is up");
+    tracing::info!(camera = watch.eye.name(), frames = %serve.frames.display(), "camera's process is up");
     let mut quiet = false;
     loop {
         let Err(error) = connect(&serve.frames)
-            .map_err(FrameError::Io)
-            .and_then(|mut stream| watch(&mut eye, &mut stream, &mut lines));
-        let connects = !matches!(&error, FrameError::Io(error) if matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::ConnectionRefused));
+            .map_err(|error| Trouble::Frame(error.into()))
+            .and_then(|mut stream| watch.follow(&mut stream));
+        if let Trouble::OtherCamera(words) = error {
+            bail!("{words}");
+        }
+        let connects = !matches!(&error, Trouble::Frame(FrameError::Io(error)) if matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::ConnectionRefused));
         if connects || !quiet {
-            tracing::warn!(camera = eye.name(), %error, "no frames");
+            tracing::warn!(camera = watch.eye.name(), %error, "no frames");
         }
         quiet = !connects;
         std::thread::sleep(RECONNECT);
@@ -143,45 +172,69 @@ fn connect(path: &Path) -> io::Result<UnixStream> {
     Ok(stream)
 }
 
-/// Picture after picture, in their order, until the stream fails.
-fn watch(
-    eye: &mut Eye,
-    stream: &mut impl Read,
-    lines: &mut Lines,
-) -> std::result::Result<std::convert::Infallible, FrameError> {
-    let mut pixels = Vec::new();
-    let mut refused = false;
-    loop {
-        let received = read_frame(stream, &mut pixels)?;
-        let received_us = monotonic_us();
-        let header = match received {
-            Received::Frame(header) => header,
-            Received::PixelsLost(header) => {
-                tracing::warn!(
-                    camera = eye.name(),
-                    frame = header.sequence,
-                    "pixels damaged on the way; not used"
-                );
-                continue;
-            }
-        };
-        match eye.look(&header, &pixels) {
-            Ok(observation) => {
-                let sighting = Sighting {
-                    camera: eye.name().to_owned(),
-                    received_us,
-                    located_us: monotonic_us(),
-                    observation,
-                };
-                let mut line = serde_json::to_vec(&sighting).map_err(io::Error::from)?;
-                line.push(b'\n');
-                lines.send(&line)?;
-            }
-            Err(problem) => {
-                if !std::mem::replace(&mut refused, true) {
-                    tracing::error!(camera = eye.name(), %problem, "the pictures cannot be used");
+/// One camera's pictures on their way to sightings.
+struct Watch {
+    eye: Eye,
+    identity: Identity,
+    lines: Lines,
+    refused: PictureRefusals,
+    /// When refusals were last told; least before the first.
+    told_us: i64,
+}
+
+impl Watch {
+    /// Picture after picture, in their order, until the stream fails.
+    fn follow(&mut self, stream: &mut impl Read) -> std::result::Result<std::convert::Infallible, Trouble> {
+        let mut pixels = Vec::new();
+        let mut refused = false;
+        loop {
+            let received = read_frame(stream, &mut pixels)?;
+            let received_us = monotonic_us();
+            let header = match received {
+                Received::Frame(header) => header,
+                Received::PixelsLost(header) => {
+                    tracing::warn!(
+                        camera = self.eye.name(),
+                        frame = header.sequence,
+                        "pixels damaged on the way; not used"
+                    );
+                    self.refused.pixels += 1;
+                    self.tell_refusals(received_us, self.refused.pixels == 1)?;
+                    continue;
+                }
+            };
+            self.identity.check(header.camera).map_err(Trouble::OtherCamera)?;
+            match self.eye.look(&header, &pixels) {
+                Ok(observation) => {
+                    let sighting = Sighting {
+                        camera: self.eye.name().to_owned(),
+                        received_us,
+                        located_us: monotonic_us(),
+                        observation,
+                    };
+                    self.lines.send(&sighting).map_err(FrameError::Io)?;
+                }
+                Err(problem) => {
+                    if !std::mem::replace(&mut refused, true) {
+                        tracing::error!(camera = self.eye.name(), %problem, "the pictures cannot be used");
+                    }
+                    self.refused.size += 1;
+                    self.tell_refusals(received_us, self.refused.size == 1)?;
                 }
             }
         }
+    }
+
+    /// - `first`: of its kind.
+    fn tell_refusals(&mut self, now_us: i64, first: bool) -> std::result::Result<(), Trouble> {
+        if !first && now_us.saturating_sub(self.told_us) < REFUSAL_PERIOD_US {
+            return Ok(());
+        }
+        self.told_us = now_us;
+        let line = RefusalLine {
+            camera: self.eye.name().to_owned(),
+            refused: self.refused,
+        };
+        Ok(self.lines.send(&line).map_err(FrameError::Io)?)
     }
 }

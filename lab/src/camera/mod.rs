@@ -7,7 +7,9 @@
 
 pub mod eye;
 pub mod frame_stream;
+pub mod identity;
 pub mod outlet;
 pub mod pgm;
+pub mod refusals;
 pub mod sighting;
 pub mod tool;

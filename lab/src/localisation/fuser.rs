@@ -1,5 +1,6 @@
 //! What the cameras' processes see, fused into one world frame; without sockets and clock.
 
+use crate::camera::refusals::{PictureRefusals, RefusalLine};
 use crate::camera::sighting::Sighting;
 use crate::pose_frame::{PoseFrame, SeenPose};
 use crate::record::CameraName;
@@ -14,6 +15,8 @@ pub struct CameraStatus {
     /// `None` before its first picture.
     pub name: Option<CameraName>,
     pub health: CameraHealth,
+    /// Pictures that its process could not use.
+    pub refused: PictureRefusals,
 }
 
 /// See the module.
@@ -22,6 +25,7 @@ pub struct Fuser {
     fusion: Fusion,
     outcomes: Vec<TagOutcome>,
     names: Vec<Option<CameraName>>,
+    refused: Vec<PictureRefusals>,
     /// What was last said of each camera, so that the log tells changes only.
     told: Vec<Option<CameraHealth>>,
 }
@@ -38,6 +42,7 @@ impl Fuser {
             fusion: Fusion::new(settings)?,
             outcomes: Vec::new(),
             names: vec![None; cameras],
+            refused: vec![PictureRefusals::default(); cameras],
             told: vec![None; cameras],
         })
     }
@@ -50,6 +55,7 @@ impl Fuser {
                 .fusion
                 .camera(number as u16, now_us)
                 .unwrap_or(CameraHealth::Silent),
+            refused: self.refused.get(number).copied().unwrap_or_default(),
         };
         self.names.iter().enumerate().map(status).collect()
     }
@@ -57,6 +63,19 @@ impl Fuser {
     /// Counters since the start.
     pub fn counts(&self) -> FusionCounts {
         self.fusion.counts()
+    }
+
+    /// A camera's process could not use pictures.
+    pub fn note_refusals(&mut self, camera: u16, line: &RefusalLine) {
+        let number = usize::from(camera);
+        if let Some(name) = self.names.get_mut(number)
+            && name.is_none()
+        {
+            *name = Some(line.camera.as_str().into());
+        }
+        if let Some(refused) = self.refused.get_mut(number) {
+            *refused = line.refused;
+        }
     }
 
     /// Fuses what a camera saw; `None` when the picture is not used.

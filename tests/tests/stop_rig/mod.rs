@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::net::UdpSocket;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command, Output, Stdio};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::{Duration, Instant};
 use system_tests::{ask_hand, ask_stop_port};
@@ -133,6 +133,7 @@ impl StopRig {
             .arg("--data")
             .arg(&self.folder)
             .args(["--robot-udp-base", &self.tapped_base.to_string()])
+            .args(["--robot-broadcast", "127.0.0.1"])
             .arg("--tracker")
             .arg(self.folder.join("tracker.sock"))
             .arg("--hand")
@@ -164,6 +165,22 @@ impl StopRig {
     /// A request to the stop port; when it was sent, and the state that came back.
     pub fn ask(&self, request: &str) -> anyhow::Result<(Instant, Value)> {
         ask_stop_port(&self.folder, request)
+    }
+
+    /// `robopheus stop`, from a shell that knows neither a service nor a token.
+    ///
+    /// - `lab`: where it looks for the stop port; the right address when none.
+    pub fn stop_by_command_line(&self, lab: Option<&str>) -> anyhow::Result<Output> {
+        let address = std::fs::read_to_string(self.folder.join("lab-stop.addr"))?;
+        let address = format!("http://{}", address.trim());
+        let mut command = Command::new(self.programs.join("robopheus"));
+        for variable in ["ROBOPHEUS_SERVER", "ROBOPHEUS_TOKEN", "ROBOPHEUS_STOP"] {
+            command.env_remove(variable);
+        }
+        // Nobody listens at the service's address.
+        command.env("HOME", &self.folder).env("XDG_CONFIG_HOME", &self.folder);
+        command.args(["--json", "--server", "http://127.0.0.1:9", "stop", "--lab"]);
+        Ok(command.arg(lab.unwrap_or(&address)).stdin(Stdio::null()).output()?)
     }
 
     /// Presses the stop and waits for [`REPEATS`] stop frames of every robot.
