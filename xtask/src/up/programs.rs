@@ -348,6 +348,8 @@ impl Programs {
             .arg("--data")
             .arg(&self.data)
             .args(["--robot-host", "127.0.0.1"]);
+        // The emulator's robots hear groups at their base port.
+        command.args(["--robot-broadcast", "127.0.0.1"]);
         command
             .arg("--stop-listen")
             .arg(format!("127.0.0.1:{}", self.ports.lab_stop));
