@@ -32,5 +32,5 @@ pub mod tracking;
 
 pub use air::{Air, AirSettings};
 pub use light::{Light, LightSettings};
-pub use rig::{Rig, RigSettings, Separation, StopWatch};
+pub use rig::{Rig, RigSettings, Said, SaidWhat, Separation, StopWatch};
 pub use scene::{Scene, SceneRobot};

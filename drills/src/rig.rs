@@ -1,20 +1,25 @@
 //! The closed loop in virtual time.
 
+mod distance;
 mod settings;
+mod voice;
 
+pub use distance::Separation;
 pub use settings::RigSettings;
+pub use voice::{Said, SaidWhat};
 
 use crate::{Air, Light, Scene};
 use anyhow::{Result, anyhow};
+use api::arena::Arena;
 use control::law::Law;
-use control::safety::SafeCommand;
 use control::scenario::{FieldProblem, Scenario};
 use control::team::Team;
 use emulator::Laboratory;
 use emulator::keys::Keys;
 use emulator::laboratory::Placement;
 use emulator::unit::Reception;
-use lab::commander::{Commander, Order, Sent, Still};
+use lab::chorus::{Chorus, hears_groups};
+use lab::commander::{Commander, Still};
 use lab::ear::Ear;
 use lab::estimator::{PoseSample, PoseTrack};
 use lab::localisation::Fuser;
@@ -26,6 +31,7 @@ use robot::frame::TELEMETRY_MAX_CHARACTERS;
 use robot::key::Key;
 use robot::watchdog::WatchdogState;
 use sandbox::start::REHEARSAL_PATIENCE;
+use voice::Voice;
 
 /// Any key does: nobody else is in the air.
 const KEY_HEX: &str = "000102030405060708090a0b0c0d0e0f";
@@ -33,13 +39,6 @@ const PLANT_HZ: i64 = 480;
 const PLANT_TICKS_PER_TICK: i64 = 4;
 /// Frames without motion before the run: clocks get known, robots get seen.
 const PREPARE_TICKS: i64 = 60;
-
-/// Smallest distances of a drill, bounding circle to bounding circle or wall; negative is a collision.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Separation {
-    pub robots_m: f64,
-    pub walls_m: f64,
-}
 
 /// What a robot did since it last took a command, at the firmware's rate.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -64,13 +63,17 @@ pub struct Rig {
     pub down: Air,
     /// What the loop is told from outside.
     pub signals: Signals,
-    /// Number and pose of a robot on the floor that is not in the run.
-    pub stranger: Option<(u16, [f64; 3])>,
+    /// Number and pose of the robots on the floor that are not in the run.
+    pub strangers: Vec<(u16, [f64; 3])>,
+    /// Every order of the pilot, when somebody wants to know.
+    pub said: Option<Vec<Said>>,
     /// Everything the laboratory wrote down, unless [`Self::keep_records`] is off.
     pub records: Vec<Record>,
     pub keep_records: bool,
     pilot: Pilot,
     commanders: Vec<Commander>,
+    /// Of this tick's groups, when the robots hear groups.
+    chorus: Option<Chorus>,
     /// Robot's clock in its newest frame.
     heard_ms: Vec<u32>,
     ears: Vec<Ear>,
@@ -78,7 +81,7 @@ pub struct Rig {
     key: Key,
     numbers: Vec<u8>,
     radii_m: Vec<f64>,
-    arena_m: [f64; 2],
+    arena: Arena,
     phase: i64,
     begin_us: i64,
     plant_ticks: i64,
@@ -86,36 +89,6 @@ pub struct Rig {
     separation: Separation,
     watches: Vec<StopWatch>,
     ended: Option<Ending>,
-}
-
-/// The link as the pilot sees it.
-struct Voice<'a> {
-    commanders: &'a mut [Commander],
-    heard_ms: &'a [u32],
-    up: &'a mut Air,
-    now_us: i64,
-}
-
-impl Voice<'_> {
-    fn say(&mut self, place: usize, order: Order<'_>, tick: u32) -> Sent {
-        let heard_ms = self.heard_ms.get(place).copied().unwrap_or_default();
-        let Some(commander) = self.commanders.get_mut(place) else {
-            return Sent::nothing();
-        };
-        let (frame, sent) = commander.frame(order, tick, self.now_us, heard_ms);
-        self.up.send(place, frame.as_bytes(), self.now_us);
-        sent
-    }
-}
-
-impl Outlet for Voice<'_> {
-    fn drive(&mut self, place: usize, command: &SafeCommand, tick: u32) -> Sent {
-        self.say(place, Order::Drive(command), tick)
-    }
-
-    fn still(&mut self, place: usize, still: Still, tick: u32) -> Sent {
-        self.say(place, Order::Still(still), tick)
-    }
 }
 
 impl Rig {
@@ -187,7 +160,9 @@ impl Rig {
                 recorder_failed: false,
                 robot_finding: None,
             },
-            stranger: None,
+            strangers: Vec::new(),
+            said: None,
+            chorus: None,
             records: Vec::new(),
             keep_records: true,
             commanders: robots
@@ -200,15 +175,12 @@ impl Rig {
             key,
             numbers: robots.iter().map(|robot| robot.number).collect(),
             radii_m: robots.iter().map(|robot| robot.bounding_radius_m).collect(),
-            arena_m: [scene.laboratory.arena.width_m, scene.laboratory.arena.height_m],
+            arena: scene.laboratory.arena.clone(),
             phase: settings.phase.rem_euclid(PLANT_TICKS_PER_TICK),
             begin_us: settings.begin_us,
             plant_ticks: 0,
             motion_plant_tick: 0,
-            separation: Separation {
-                robots_m: f64::INFINITY,
-                walls_m: f64::INFINITY,
-            },
+            separation: Separation::NONE,
             watches: vec![
                 StopWatch {
                     heard_us: settings.begin_us,
@@ -232,6 +204,7 @@ impl Rig {
             pilot.without_learning()
         };
         rig.motion_plant_tick = rig.plant_ticks;
+        rig.begin_to_speak();
         Ok(rig)
     }
 
@@ -289,7 +262,14 @@ impl Rig {
         self.pilot = Pilot::new(team, seen, duration_ticks, self.now_us());
         self.motion_plant_tick = self.plant_ticks;
         self.ended = None;
+        self.begin_to_speak();
         Ok(())
+    }
+
+    /// As at the start of a run in the laboratory; the emulated robots all read groups.
+    fn begin_to_speak(&mut self) {
+        let robots = self.commanders.iter().map(|commander| (commander.epoch(), true));
+        self.chorus = hears_groups(robots).then(|| Chorus::with_room_for(self.commanders.len()));
     }
 
     /// To make frames of one's own: what a forger or an old laboratory would send.
@@ -331,6 +311,8 @@ impl Rig {
             commanders: &mut self.commanders,
             heard_ms: &self.heard_ms,
             up: &mut self.up,
+            chorus: self.chorus.as_mut(),
+            said: self.said.as_mut(),
             now_us,
         };
         self.ended = self
@@ -400,10 +382,13 @@ impl Rig {
                     *slot = Some(heard);
                 }
             });
+            // Before a run every robot has frames of its own.
             let mut voice = Voice {
                 commanders: &mut self.commanders,
                 heard_ms: &self.heard_ms,
                 up: &mut self.up,
+                chorus: None,
+                said: self.said.as_mut(),
                 now_us,
             };
             for place in 0..limits.len() {
@@ -515,7 +500,7 @@ impl Rig {
                 .map(|number| u16::from(*number))
                 .zip(self.poses())
                 .filter(|(_, pose)| pose.iter().all(|part| part.is_finite()))
-                .chain(self.stranger)
+                .chain(self.strangers.iter().copied())
                 .collect();
             self.light.expose(now_us, &poses);
         }
@@ -533,15 +518,8 @@ impl Rig {
 
     fn measure(&mut self) {
         let poses = self.poses();
-        let [width_m, height_m] = self.arena_m;
-        for (i, ([x, y, _], radius_m)) in poses.iter().zip(&self.radii_m).enumerate() {
-            let wall_m = (width_m / 2.0 - x.abs()).min(height_m / 2.0 - y.abs()) - radius_m;
-            self.separation.walls_m = self.separation.walls_m.min(wall_m);
-            for ([ox, oy, _], other_radius_m) in poses.iter().zip(&self.radii_m).skip(i + 1) {
-                let gap_m = (x - ox).hypot(y - oy) - radius_m - other_radius_m;
-                self.separation.robots_m = self.separation.robots_m.min(gap_m);
-            }
-        }
+        self.separation
+            .measure(&poses, &self.radii_m, &self.arena, &self.strangers);
     }
 }
 
@@ -571,7 +549,7 @@ mod tests {
             let off_m = (pose[0] - robot.goal[0]).hypot(pose[1] - robot.goal[1]);
             assert!(off_m < 0.05, "{off_m} m from the goal");
         }
-        let Separation { robots_m, walls_m } = rig.separation();
+        let Separation { robots_m, walls_m, .. } = rig.separation();
         println!("separation: robots {robots_m:.3} m, walls {walls_m:.3} m");
         assert!(robots_m > 0.0 && walls_m > 0.0);
     }

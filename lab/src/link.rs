@@ -1,7 +1,7 @@
 //! The robot link: command frames out, telemetry in. Only a [`SafeCommand`] can make a robot move.
 
+use crate::chorus::GroupFrame;
 use crate::clock::monotonic_us;
-use crate::clock_map::link_clock_ms;
 use crate::commander::{CommandPart, Commander, Order, Sent, Still};
 use crate::ear::{Ear, Heard, STATUS_STOPPED};
 use crate::epochs::{EpochBook, RESERVED_FRAMES};
@@ -11,7 +11,7 @@ use crate::link_statistics::LinkStatistics;
 use crate::record::Telemetry;
 use api::robot::LabRobot;
 use control::safety::SafeCommand;
-use robot::frame::{GROUP_MAX_ROBOTS, GroupHeader, Health, MAX_CHARACTERS, Part, encode_group};
+use robot::frame::Health;
 use robot::key::Key;
 use std::collections::BTreeMap;
 use std::io;
@@ -341,21 +341,9 @@ impl RobotPort {
     }
 
     /// Sends a group to all robots at once.
-    ///
-    /// - `parts`: of at most [`GROUP_MAX_ROBOTS`] robots, in the order of their numbers.
-    pub fn send_group(&self, sequence: u32, tick: u32, parts: &[CommandPart]) {
-        debug_assert!(parts.len() <= GROUP_MAX_ROBOTS);
-        let header = GroupHeader {
-            epoch: self.commander.epoch(),
-            sequence,
-            tick,
-            clock_ms: link_clock_ms(monotonic_us()),
-        };
-        let mut characters = [0; MAX_CHARACTERS];
-        let parts: Vec<Part> = parts.iter().map(|part| *part.part()).collect();
-        let length = encode_group(&header, &parts, &mut characters);
+    pub fn send_group(&self, group: &GroupFrame) {
         let base = SocketAddr::new(self.address.ip(), self.address.port() - u16::from(self.robot.number));
-        let _lost = self.socket.send_to(characters.get(..length).unwrap_or_default(), base);
+        let _lost = self.socket.send_to(group.as_bytes(), base);
     }
 
     fn send(&mut self, order: Order<'_>, tick: u32) -> Sent {
