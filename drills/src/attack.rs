@@ -2,8 +2,10 @@
 
 use crate::hostile::{Hostile, WISH_GENES};
 use crate::liar::{Liar, lying_model};
+use crate::walkers::Walkers;
 use crate::{AirSettings, LightSettings, Rig, RigSettings, Scene, SceneRobot};
 use anyhow::{Result, anyhow};
+use api::arena::{Contents, FixedObstacle};
 use control::interaction::Settings;
 use control::law::Law;
 use control::team::Team;
@@ -37,6 +39,9 @@ pub struct Attack {
     pub walls_only: bool,
     /// Half of what the law says is garbage, and a tenth of the ticks is late.
     pub liar: bool,
+    /// What stands in the arena, and who walks through it; besides the genes.
+    pub furniture: Vec<FixedObstacle>,
+    pub walkers: Walkers,
 }
 
 /// What came of it.
@@ -44,6 +49,10 @@ pub struct Attack {
 pub struct Outcome {
     pub robots_m: f64,
     pub walls_m: f64,
+    /// To what stands in the arena.
+    pub obstacles_m: f64,
+    /// To who walks through it.
+    pub strangers_m: f64,
     /// Fastest that any robot was.
     pub fastest_m_per_s: f64,
     /// The run ended by itself before its time.
@@ -54,13 +63,15 @@ impl Outcome {
     pub const NONE: Self = Self {
         robots_m: f64::INFINITY,
         walls_m: f64::INFINITY,
+        obstacles_m: f64::INFINITY,
+        strangers_m: f64::INFINITY,
         fastest_m_per_s: 0.0,
         ended: false,
     };
 
-    /// Smallest distance of any kind.
+    /// Smallest distance to anything that is the filter's alone to keep: each other, walls and what stands.
     pub fn least_m(&self) -> f64 {
-        self.robots_m.min(self.walls_m)
+        self.robots_m.min(self.walls_m).min(self.obstacles_m)
     }
 }
 
@@ -81,6 +92,8 @@ impl Attack {
             seconds,
             walls_only: false,
             liar: false,
+            furniture: Vec::new(),
+            walkers: Walkers::default(),
         }
     }
 
@@ -201,6 +214,11 @@ impl Attack {
     fn law(&self) -> Box<dyn Law> {
         let wishes = (0..self.chassis.len()).map(|robot| std::array::from_fn(|place| self.of_robot(robot, 3 + place)));
         let law = Hostile::new(wishes.collect(), HALF_ARENA_M.map(|half| 2.0 * half));
+        let standing = self
+            .furniture
+            .iter()
+            .map(|obstacle| [obstacle.pose.x_m, obstacle.pose.y_m]);
+        let law = law.also_at(standing.chain(self.walkers.places_m()).collect());
         let law = if self.walls_only { law.at_walls() } else { law };
         if self.liar {
             Box::new(Liar::new(law, self.seed))
@@ -244,7 +262,14 @@ impl Attack {
                 goal: [start[0], start[1]],
             })
             .collect();
-        let scene = Scene::mixed(&self.chassis, &robots, self.seconds)?;
+        let mut scene = Scene::mixed(&self.chassis, &robots, self.seconds)?;
+        if !self.furniture.is_empty() {
+            scene.laboratory.arena.contents = Some(Contents {
+                fixed: self.furniture.clone(),
+                ..Contents::default()
+            });
+        }
+        let mut walkers = self.walkers.clone();
         let mut rig = self.rig(&scene)?;
         rig.keep_records = keep_records;
         let fault = Fault::of(self);
@@ -253,6 +278,7 @@ impl Attack {
         let ticks = (self.seconds * TICKS_PER_S) as i64;
         for tick in 0..ticks {
             fault.set(&mut rig, tick as f64 / TICKS_PER_S);
+            rig.strangers = walkers.step(&rig.poses(), RADIUS_M);
             if self.liar && late.uniform() < 0.1 {
                 rig.pilot_mut().overdue(1 + u32::from(late.uniform() < 0.5));
             }
@@ -269,6 +295,8 @@ impl Attack {
         Ok(Outcome {
             robots_m: separation.robots_m,
             walls_m: separation.walls_m,
+            obstacles_m: separation.obstacles_m,
+            strangers_m: separation.strangers_m,
             fastest_m_per_s,
             ended: rig.ended().is_some() && rig.slot() < ticks - 1,
         })

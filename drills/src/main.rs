@@ -3,7 +3,9 @@
 use anyhow::Result;
 use clap::{Parser, Subcommand};
 use drills::adversary::{self, Aim};
-use drills::{agent, blind, closest, deadlock, falsify, link_loss, sight, stale, strangers, table, tracking};
+use drills::{
+    agent, blind, closest, deadlock, falsify, link_loss, obstacles, sight, stale, strangers, table, tracking,
+};
 use emulator::camera::CameraSettings;
 use std::process::ExitCode;
 
@@ -19,6 +21,8 @@ struct Arguments {
 enum Drill {
     /// S5: hostile runs of 10 s on the emulated plant; collisions and smallest distances
     Adversary(Runs),
+    /// S5: the same among obstacles that stand and robots that are pushed about
+    Obstacles(Runs),
     /// How the closest two robots of a run of S5 came there, tick by tick
     Closest {
         number: u64,
@@ -112,6 +116,7 @@ fn main() -> Result<ExitCode> {
             let rows = adversary::run(Aim::Anything, runs.first, runs.or(30_000), runs.seed, runs.threads)?;
             table::print(&rows)
         }
+        Drill::Obstacles(runs) => table::print(&obstacles::run(runs.first, runs.or(3000), runs.seed, runs.threads)?),
         Drill::Closest { number, seed } => {
             closest::print(&adversary::attack(Aim::Anything, seed, number))?;
             true

@@ -4,7 +4,10 @@ mod distance;
 mod settings;
 mod voice;
 
+pub(crate) use distance::STRANGER_RADIUS_M;
 pub use distance::Separation;
+#[cfg(test)]
+pub(crate) use distance::outside_m;
 pub use settings::RigSettings;
 pub use voice::{Said, SaidWhat};
 

@@ -3,7 +3,7 @@
 use api::arena::{Arena, FixedObstacle, Shape};
 
 /// Circle of a stranger.
-const STRANGER_RADIUS_M: f64 = 0.25;
+pub(crate) const STRANGER_RADIUS_M: f64 = 0.25;
 
 /// Smallest distances of a drill, bounding circle to bounding circle, wall or outline; negative is a collision.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -57,7 +57,7 @@ impl Separation {
 }
 
 /// Distance of a point from an outline, m; negative inside.
-fn outside_m(obstacle: &FixedObstacle, [x_m, y_m]: [f64; 2]) -> f64 {
+pub(crate) fn outside_m(obstacle: &FixedObstacle, [x_m, y_m]: [f64; 2]) -> f64 {
     let (dx, dy) = (x_m - obstacle.pose.x_m, y_m - obstacle.pose.y_m);
     let (sin, cos) = obstacle.pose.yaw_rad.sin_cos();
     let (along, across) = ((cos * dx + sin * dy).abs(), (cos * dy - sin * dx).abs());
