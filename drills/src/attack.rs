@@ -232,28 +232,10 @@ impl Attack {
         self.run_watched(false, |_| {})
     }
 
-    /// A liar's robots are corrected by models that lie as well, in every second run.
-    fn rig(&self, scene: &Scene) -> Result<Rig> {
-        if !self.liar || self.seed.is_multiple_of(2) {
-            return Rig::with_law(scene, &self.settings(), self.law());
-        }
-        let scenario = scene.scenario()?;
-        let refused = |problems| anyhow!("{problems:?}");
-        let described = control::team::robots(&scenario).map_err(refused)?;
-        let models: Vec<Robot> = described
-            .iter()
-            .enumerate()
-            .map(|(place, robot)| lying_model(robot, self.seed ^ (place as u64 * 7919)))
-            .collect::<Result<_>>()?;
-        let team = Team::with_law(&scenario, self.law()).map_err(refused)?;
-        let team = team.with_interaction(&models, Settings::default());
-        Rig::with_team(scene, &self.settings(), &scenario, team)
-    }
-
-    /// The run, looked at after every control tick.
+    /// Arena and robots, ready to run.
     ///
-    /// - `keep_records`: the rig keeps what the laboratory wrote down for `look`, which may take it.
-    pub fn run_watched(&self, keep_records: bool, mut look: impl FnMut(&mut Rig)) -> Result<Outcome> {
+    /// - `audited`: the rig notes every order and every frame.
+    pub(crate) fn begin(&self, audited: bool) -> Result<(Scene, Rig)> {
         let starts = self.starts();
         let robots: Vec<SceneRobot> = starts
             .iter()
@@ -269,8 +251,38 @@ impl Attack {
                 ..Contents::default()
             });
         }
+        let rig = self.rig(&scene, audited)?;
+        Ok((scene, rig))
+    }
+
+    /// A liar's robots are corrected by models that lie as well, in every second run.
+    fn rig(&self, scene: &Scene, audited: bool) -> Result<Rig> {
+        let settings = RigSettings {
+            audited,
+            ..self.settings()
+        };
+        if !self.liar || self.seed.is_multiple_of(2) {
+            return Rig::with_law(scene, &settings, self.law());
+        }
+        let scenario = scene.scenario()?;
+        let refused = |problems| anyhow!("{problems:?}");
+        let described = control::team::robots(&scenario).map_err(refused)?;
+        let models: Vec<Robot> = described
+            .iter()
+            .enumerate()
+            .map(|(place, robot)| lying_model(robot, self.seed ^ (place as u64 * 7919)))
+            .collect::<Result<_>>()?;
+        let team = Team::with_law(&scenario, self.law()).map_err(refused)?;
+        let team = team.with_interaction(&models, Settings::default());
+        Rig::with_team(scene, &settings, &scenario, team)
+    }
+
+    /// The run, looked at after every control tick.
+    ///
+    /// - `keep_records`: the rig keeps what the laboratory wrote down for `look`, which may take it.
+    pub fn run_watched(&self, keep_records: bool, mut look: impl FnMut(&mut Rig)) -> Result<Outcome> {
         let mut walkers = self.walkers.clone();
-        let mut rig = self.rig(&scene)?;
+        let (_, mut rig) = self.begin(false)?;
         rig.keep_records = keep_records;
         let fault = Fault::of(self);
         let mut late = Noise::new(self.seed, 0x01A7E);
@@ -287,7 +299,7 @@ impl Attack {
             }
             look(&mut rig);
             if tick % 12 == 0 {
-                let speeds = (0..robots.len()).map(|robot| rig.speed_m_per_s(robot));
+                let speeds = (0..self.chassis.len()).map(|robot| rig.speed_m_per_s(robot));
                 fastest_m_per_s = speeds.fold(fastest_m_per_s, f64::max);
             }
         }
@@ -305,7 +317,7 @@ impl Attack {
 
 /// Something that breaks for a while: half of the runs have one.
 #[derive(Debug, Clone, Copy)]
-struct Fault {
+pub(crate) struct Fault {
     kind: usize,
     robot: usize,
     from_s: f64,
@@ -313,7 +325,7 @@ struct Fault {
 }
 
 impl Fault {
-    fn of(attack: &Attack) -> Self {
+    pub(crate) fn of(attack: &Attack) -> Self {
         let count = attack.chassis.len();
         let from_s = attack.seconds * attack.gene(14);
         Self {
@@ -324,7 +336,7 @@ impl Fault {
         }
     }
 
-    fn set(&self, rig: &mut Rig, now_s: f64) {
+    pub(crate) fn set(&self, rig: &mut Rig, now_s: f64) {
         let on = (self.from_s..self.until_s).contains(&now_s);
         match self.kind {
             0 => rig.up.cut_for = on.then_some(self.robot),

@@ -4,7 +4,8 @@ use anyhow::Result;
 use clap::{Parser, Subcommand};
 use drills::adversary::{self, Aim};
 use drills::{
-    agent, blind, closest, deadlock, falsify, link_loss, obstacles, sight, stale, strangers, table, tracking,
+    agent, approach, audit, blind, closest, deadlock, falsify, link_loss, obstacles, sight, stale, strangers, table,
+    tracking,
 };
 use emulator::camera::CameraSettings;
 use std::process::ExitCode;
@@ -41,6 +42,10 @@ enum Drill {
     Blind(Runs),
     /// S4: frames that must not move a robot
     Stale(Runs),
+    /// S8: every frame that leaves the laboratory against the order of its tick; so many frames
+    Audit(Runs),
+    /// Robots drive from anywhere to the starts of an experiment
+    Approach(Runs),
     /// S9: antipodal swaps
     Deadlock(Runs),
     /// S13: so many words of a law that lies
@@ -136,6 +141,8 @@ fn main() -> Result<ExitCode> {
         Drill::Blind(runs) => table::print(&blind::run(runs.or(2000), runs.seed, runs.threads)?),
         Drill::Stale(runs) => table::print(&stale::run(runs.or(1_000_000), runs.seed, runs.threads)?),
         Drill::Deadlock(runs) => table::print(&deadlock::run(runs.first, runs.or(1000), runs.seed, runs.threads)?),
+        Drill::Audit(runs) => table::print(&audit::run(runs.or(1_000_000), runs.seed, runs.threads)?),
+        Drill::Approach(runs) => table::print(&approach::run(runs.first, runs.or(500), runs.seed, runs.threads)?),
         Drill::Agent(runs) => table::print(&agent::run(runs.or(200), runs.seed, runs.threads)?),
         Drill::Strangers(runs) => table::print(&strangers::run(runs.or(300), runs.seed, runs.threads)?),
         Drill::Tracking(runs) => {

@@ -141,18 +141,11 @@ impl Rig {
             })
             .collect();
         laboratory.place(&placements)?;
-        let driven = |robot: &api::robot::RobotDescription| {
-            let wheels = robot.wheels.iter().enumerate();
-            wheels
-                .filter(|(_, wheel)| wheel.driven)
-                .map(|(place, _)| place)
-                .collect()
-        };
         let duration_ticks = (scenario.experiment.duration_s * 120.0).round() as i64;
         let mut rig = Self {
             laboratory,
             light: Light::new(settings.light, robots.len(), settings.seed),
-            up: Air::new(settings.up, settings.seed, 1),
+            up: Air::new(settings.up, settings.seed, 1).overheard(settings.audited),
             down: Air::new(settings.down, settings.seed, 2),
             signals: Signals {
                 protective_stop: false,
@@ -164,7 +157,7 @@ impl Rig {
                 robot_finding: None,
             },
             strangers: Vec::new(),
-            said: None,
+            said: settings.audited.then(Vec::new),
             chorus: None,
             records: Vec::new(),
             keep_records: true,
@@ -273,6 +266,17 @@ impl Rig {
     fn begin_to_speak(&mut self) {
         let robots = self.commanders.iter().map(|commander| (commander.epoch(), true));
         self.chorus = hears_groups(robots).then(|| Chorus::with_room_for(self.commanders.len()));
+    }
+
+    /// Of all robots.
+    pub fn key(&self) -> Key {
+        self.key
+    }
+
+    /// Number of each robot and positions in its description's `wheels` of the driven ones.
+    pub fn driven(&self) -> Vec<(u8, Vec<usize>)> {
+        let robots = self.laboratory.units().iter().map(emulator::unit::Unit::robot);
+        robots.map(|robot| (robot.number, driven(&robot.description))).collect()
     }
 
     /// To make frames of one's own: what a forger or an old laboratory would send.
@@ -524,6 +528,15 @@ impl Rig {
         self.separation
             .measure(&poses, &self.radii_m, &self.arena, &self.strangers);
     }
+}
+
+/// Positions in `wheels` of the driven wheels.
+fn driven(robot: &api::robot::RobotDescription) -> Vec<usize> {
+    let wheels = robot.wheels.iter().enumerate();
+    wheels
+        .filter(|(_, wheel)| wheel.driven)
+        .map(|(place, _)| place)
+        .collect()
 }
 
 fn refused(problems: Vec<FieldProblem>) -> anyhow::Error {

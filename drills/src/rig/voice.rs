@@ -13,6 +13,7 @@ pub struct Said {
     /// In the experiment.
     pub place: usize,
     pub tick: u32,
+    pub epoch: u32,
     pub what: SaidWhat,
 }
 
@@ -43,7 +44,13 @@ impl Voice<'_> {
                 Order::Drive(command) => SaidWhat::Drive(command.wheel_command()),
                 Order::Still(still) => SaidWhat::Still(still),
             };
-            said.push(Said { place, tick, what });
+            let epoch = self.commanders.get(place).map_or(0, Commander::epoch);
+            said.push(Said {
+                place,
+                tick,
+                epoch,
+                what,
+            });
         }
         let heard_ms = self.heard_ms.get(place).copied().unwrap_or_default();
         let next = self.commanders.iter().map(Commander::next_sequence);
