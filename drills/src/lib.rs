@@ -21,6 +21,7 @@ pub mod falsify;
 pub mod fan;
 mod furniture;
 pub mod hostile;
+pub mod ladder;
 pub mod ledger;
 pub mod liar;
 mod light;

@@ -4,8 +4,8 @@ use anyhow::Result;
 use clap::{Parser, Subcommand};
 use drills::adversary::{self, Aim};
 use drills::{
-    agent, approach, audit, blind, closest, deadlock, falsify, link_loss, obstacles, sight, stale, strangers, table,
-    tracking,
+    agent, approach, audit, blind, closest, deadlock, falsify, ladder, link_loss, obstacles, sight, stale, strangers,
+    table, tracking,
 };
 use emulator::camera::CameraSettings;
 use std::process::ExitCode;
@@ -29,6 +29,9 @@ enum Drill {
         number: u64,
         #[arg(long, default_value_t = 1)]
         seed: u64,
+        /// Of the runs among obstacles
+        #[arg(long)]
+        obstacles: bool,
     },
     /// S7: the same, driving at walls
     Geofence(Runs),
@@ -50,6 +53,8 @@ enum Drill {
     Deadlock(Runs),
     /// S13: so many words of a law that lies
     Liar(Runs),
+    /// S14: batteries that run down, wheels that are held, gyros that lie
+    Ladder(Runs),
     /// S11: the laboratory's process killed or stopped
     Agent(Runs),
     /// A robot that is not in the run stands in the way or is pushed about
@@ -122,8 +127,16 @@ fn main() -> Result<ExitCode> {
             table::print(&rows)
         }
         Drill::Obstacles(runs) => table::print(&obstacles::run(runs.first, runs.or(3000), runs.seed, runs.threads)?),
-        Drill::Closest { number, seed } => {
-            closest::print(&adversary::attack(Aim::Anything, seed, number))?;
+        Drill::Closest {
+            number,
+            seed,
+            obstacles,
+        } => {
+            closest::print(&if obstacles {
+                obstacles::attack(seed, number)
+            } else {
+                adversary::attack(Aim::Anything, seed, number)
+            })?;
             true
         }
         Drill::Geofence(runs) => {
@@ -143,6 +156,7 @@ fn main() -> Result<ExitCode> {
         Drill::Deadlock(runs) => table::print(&deadlock::run(runs.first, runs.or(1000), runs.seed, runs.threads)?),
         Drill::Audit(runs) => table::print(&audit::run(runs.or(1_000_000), runs.seed, runs.threads)?),
         Drill::Approach(runs) => table::print(&approach::run(runs.first, runs.or(500), runs.seed, runs.threads)?),
+        Drill::Ladder(runs) => table::print(&ladder::run(runs.or(100), runs.seed, runs.threads)?),
         Drill::Agent(runs) => table::print(&agent::run(runs.or(200), runs.seed, runs.threads)?),
         Drill::Strangers(runs) => table::print(&strangers::run(runs.or(300), runs.seed, runs.threads)?),
         Drill::Tracking(runs) => {

@@ -3,6 +3,8 @@
 mod distance;
 mod settings;
 mod voice;
+mod ward;
+mod watch;
 
 pub(crate) use distance::STRANGER_RADIUS_M;
 pub use distance::Separation;
@@ -10,6 +12,8 @@ pub use distance::Separation;
 pub(crate) use distance::outside_m;
 pub use settings::RigSettings;
 pub use voice::{Said, SaidWhat};
+pub use ward::{Report, Ward};
+pub use watch::StopWatch;
 
 use crate::{Air, Light, Scene};
 use anyhow::{Result, anyhow};
@@ -23,7 +27,7 @@ use emulator::laboratory::Placement;
 use emulator::unit::Reception;
 use lab::chorus::{Chorus, hears_groups};
 use lab::commander::{Commander, Still};
-use lab::ear::Ear;
+use lab::ear::{Ear, Heard};
 use lab::estimator::{PoseSample, PoseTrack};
 use lab::localisation::Fuser;
 use lab::pilot::{Outlet, Pilot, PilotRobot};
@@ -32,7 +36,6 @@ use lab::robot_limits::RobotLimits;
 use lab::safety::{Ending, Signals};
 use robot::frame::TELEMETRY_MAX_CHARACTERS;
 use robot::key::Key;
-use robot::watchdog::WatchdogState;
 use sandbox::start::REHEARSAL_PATIENCE;
 use voice::Voice;
 
@@ -40,22 +43,10 @@ use voice::Voice;
 const KEY_HEX: &str = "000102030405060708090a0b0c0d0e0f";
 const PLANT_HZ: i64 = 480;
 const PLANT_TICKS_PER_TICK: i64 = 4;
+/// Telemetry frames for each health frame.
+const TICKS_PER_HEALTH: i64 = 12;
 /// Frames without motion before the run: clocks get known, robots get seen.
 const PREPARE_TICKS: i64 = 60;
-
-/// What a robot did since it last took a command, at the firmware's rate.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct StopWatch {
-    /// Arrival of the last frame in order.
-    pub heard_us: i64,
-    /// First step at which the watchdog was seen to ramp, and to be latched, since then.
-    pub ramping_us: Option<i64>,
-    pub latched_us: Option<i64>,
-    /// Way since then, and the fastest it was.
-    pub travelled_m: f64,
-    pub fastest_m_per_s: f64,
-    at_m: [f64; 2],
-}
 
 /// See the module.
 #[derive(Debug)]
@@ -70,6 +61,8 @@ pub struct Rig {
     pub strangers: Vec<(u16, [f64; 3])>,
     /// Every order of the pilot, when somebody wants to know.
     pub said: Option<Vec<Said>>,
+    /// Robots tell their health, and the laboratory judges it, when this is there.
+    pub ward: Option<Ward>,
     /// Everything the laboratory wrote down, unless [`Self::keep_records`] is off.
     pub records: Vec<Record>,
     pub keep_records: bool,
@@ -158,6 +151,7 @@ impl Rig {
             },
             strangers: Vec::new(),
             said: settings.audited.then(Vec::new),
+            ward: settings.health.then(|| Ward::new(robots.len())),
             chorus: None,
             records: Vec::new(),
             keep_records: true,
@@ -177,17 +171,7 @@ impl Rig {
             plant_ticks: 0,
             motion_plant_tick: 0,
             separation: Separation::NONE,
-            watches: vec![
-                StopWatch {
-                    heard_us: settings.begin_us,
-                    ramping_us: None,
-                    latched_us: None,
-                    travelled_m: 0.0,
-                    fastest_m_per_s: 0.0,
-                    at_m: [0.0; 2],
-                };
-                robots.len()
-            ],
+            watches: vec![StopWatch::new(settings.begin_us); robots.len()],
             ended: None,
             // Replaced below, once the robots are seen.
             pilot: Pilot::new(Team::new(scenario).map_err(refused)?, Vec::new(), 0, settings.begin_us),
@@ -342,6 +326,27 @@ impl Rig {
         }
     }
 
+    /// As the laboratory does between runs: it listens, and robots stay awake and still.
+    pub fn idle_for(&mut self, seconds: f64) {
+        for _ in 0..(seconds * 120.0).round() as i64 {
+            let now_us = self.now_us();
+            self.receive(now_us);
+            let mut voice = Voice {
+                commanders: &mut self.commanders,
+                heard_ms: &self.heard_ms,
+                up: &mut self.up,
+                chorus: None,
+                said: self.said.as_mut(),
+                now_us,
+            };
+            for place in 0..self.numbers.len() {
+                voice.still(place, Still::Rest, 0);
+            }
+            self.records.clear();
+            self.plant_ticks();
+        }
+    }
+
     /// The world goes on without the laboratory's process: killed, stopped or asleep.
     pub fn sleep_for(&mut self, seconds: f64) {
         for _ in 0..(seconds * 120.0).round() as i64 {
@@ -427,6 +432,7 @@ impl Rig {
             key,
             pilot,
             records,
+            ward,
             ..
         } = self;
         light.deliver(now_us, |sighting| {
@@ -435,15 +441,24 @@ impl Rig {
             }
         });
         down.deliver(now_us, |place, bytes| {
-            if let Some(ear) = ears.get_mut(place)
-                && let Ok(telemetry) = ear.hear(bytes, key, now_us)
-            {
-                if let Some(heard_ms) = heard_ms.get_mut(place) {
-                    *heard_ms = telemetry.robot_clock_ms;
+            match ears.get_mut(place).map(|ear| ear.listen(bytes, key, now_us)) {
+                Some(Ok(Heard::Motion(telemetry))) => {
+                    if let Some(heard_ms) = heard_ms.get_mut(place) {
+                        *heard_ms = telemetry.robot_clock_ms;
+                    }
+                    pilot.hear(telemetry, records);
                 }
-                pilot.hear(telemetry, records);
+                Some(Ok(Heard::Health(health))) => {
+                    if let Some(ward) = ward {
+                        ward.take(place, &health, now_us);
+                    }
+                }
+                _ => {}
             }
         });
+        if let Some(ward) = &self.ward {
+            self.signals.robot_finding = ward.finding();
+        }
     }
 
     /// Plant and firmware for one control period.
@@ -461,14 +476,7 @@ impl Rig {
                 if let (Some(unit), Some(watch)) = (laboratory.unit_mut(place), watches.get_mut(place))
                     && unit.receive(bytes, now_us) == Reception::Commander
                 {
-                    *watch = StopWatch {
-                        heard_us: now_us,
-                        ramping_us: None,
-                        latched_us: None,
-                        travelled_m: 0.0,
-                        fastest_m_per_s: 0.0,
-                        at_m: watch.at_m,
-                    };
+                    *watch = watch.heard(now_us);
                 }
             });
             self.laboratory.tick(now_us);
@@ -482,18 +490,7 @@ impl Rig {
 
     fn watch(&mut self, now_us: i64) {
         for (watch, unit) in self.watches.iter_mut().zip(self.laboratory.units()) {
-            let Some(body) = unit.on_floor() else { continue };
-            match unit.firmware().watchdog().state() {
-                WatchdogState::Running => {}
-                WatchdogState::Ramping => _ = watch.ramping_us.get_or_insert(now_us),
-                WatchdogState::Latched => _ = watch.latched_us.get_or_insert(now_us),
-            }
-            let pose = body.pose();
-            let [x_m, y_m] = watch.at_m;
-            let [vx, vy] = body.velocity_m_per_s();
-            watch.travelled_m += (pose.x_m - x_m).hypot(pose.y_m - y_m);
-            watch.fastest_m_per_s = watch.fastest_m_per_s.max(vx.hypot(vy));
-            watch.at_m = [pose.x_m, pose.y_m];
+            watch.step(unit, now_us);
         }
     }
 
@@ -517,8 +514,10 @@ impl Rig {
                 continue;
             };
             let length = unit.telemetry(now_us, &mut out);
-            if let Some(bytes) = out.get(..length).filter(|bytes| !bytes.is_empty()) {
-                self.down.send(place, bytes, now_us);
+            send(&mut self.down, place, out.get(..length), now_us);
+            if self.ward.is_some() && (tick + place as i64) % TICKS_PER_HEALTH == 0 {
+                let length = unit.health_report(now_us, &mut out);
+                send(&mut self.down, place, out.get(..length), now_us);
             }
         }
     }
@@ -527,6 +526,12 @@ impl Rig {
         let poses = self.poses();
         self.separation
             .measure(&poses, &self.radii_m, &self.arena, &self.strangers);
+    }
+}
+
+fn send(down: &mut Air, place: usize, characters: Option<&[u8]>, now_us: i64) {
+    if let Some(characters) = characters.filter(|characters| !characters.is_empty()) {
+        down.send(place, characters, now_us);
     }
 }
 

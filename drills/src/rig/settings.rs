@@ -25,6 +25,8 @@ pub struct RigSettings {
     pub learns: bool,
     /// Orders and frames are noted from the first one on; see [`crate::Rig::said`].
     pub audited: bool,
+    /// Robots tell their health; see [`crate::Rig::ward`].
+    pub health: bool,
 }
 
 impl Default for RigSettings {
@@ -40,6 +42,7 @@ impl Default for RigSettings {
             looks_ahead: true,
             learns: true,
             audited: false,
+            health: false,
         }
     }
 }
