@@ -124,6 +124,8 @@ pub fn left_over(ending: Ending, ticks: i64) -> Result<Option<String>, Ending> {
     match ending {
         Ending::Finished if ticks < (TIME_LIMIT_S * TICK_HZ as f64) as i64 => Ok(None),
         Ending::Finished => Ok(Some(format!("not there within {TIME_LIMIT_S} s"))),
+        // No reason to end a run that has not begun: somebody carries them.
+        Ending::Deadlock => Ok(Some("they hold each other".to_owned())),
         ending => Err(ending),
     }
 }
@@ -190,4 +192,37 @@ pub fn team(assignment: &Assignment, standing: &[Pose], goals: &[Option<Pose>]) 
     // The rules for starts are for people who choose them; the robots stand where they stand.
     let law = control::law::build(&scenario).ok_or_else(|| "no law takes these robots to a pose".to_owned())?;
     Team::with_law(&scenario, law).map_err(words)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn robots_that_do_not_get_there_are_carried_and_what_ends_a_run_ends_it() {
+        let limit = (TIME_LIMIT_S * TICK_HZ as f64) as i64;
+        assert_eq!(left_over(Ending::Finished, limit - 1), Ok(None));
+        assert!(matches!(left_over(Ending::Finished, limit), Ok(Some(why)) if why.contains("40 s")));
+        assert!(matches!(left_over(Ending::Deadlock, 100), Ok(Some(_))));
+        for ending in [
+            Ending::ProtectiveStop,
+            Ending::LeaseLost,
+            Ending::RobotSilent(1),
+            Ending::Cancelled,
+        ] {
+            assert_eq!(left_over(ending, 100), Err(ending));
+        }
+    }
+
+    #[test]
+    fn a_start_is_reached_within_its_tolerances() {
+        let start = Pose {
+            x_m: 1.0,
+            y_m: 0.0,
+            yaw_rad: 3.1,
+        };
+        assert!(is_at_start(&Pose { yaw_rad: -3.1, ..start }, &start));
+        assert!(!is_at_start(&Pose { yaw_rad: 2.9, ..start }, &start));
+        assert!(!is_at_start(&Pose { x_m: 1.06, ..start }, &start));
+    }
 }
