@@ -17,6 +17,9 @@ const TRACE_S: f64 = 30.0;
 const BEFORE_S: f64 = 1.0;
 /// A pair of faults is known, and the run over, within this.
 const KNOWN_S: f64 = 12.0;
+/// Robots come to rest within this once the run is to end.
+const STOPPING_S: f64 = 2.0;
+const TICK_HZ: f64 = 120.0;
 /// Two reports of a robot may be this far apart.
 const REPORT_US: i64 = 200_000;
 const WELL_CHARGE: f64 = 0.6;
@@ -51,7 +54,7 @@ impl Fault {
 
     fn begin(self, rig: &mut Rig, number: u8) -> Result<()> {
         let kind = match self {
-            Self::Low => FaultKind::LowBattery { charge: 0.14 },
+            Self::Low => FaultKind::LowBattery { charge: 0.125 },
             Self::Critical => FaultKind::LowBattery { charge: 0.09 },
             Self::Empty => FaultKind::LowBattery { charge: 0.0 },
             Self::Held => FaultKind::StuckWheel { wheel: 0 },
@@ -144,22 +147,24 @@ fn judge(rig: &Rig) -> Result<Judged> {
     Ok(judged)
 }
 
-/// Drives until the run ends, at most for `seconds`, and says whether the end is what the findings of that tick ask for.
+/// Drives until the run ends, at most for `seconds`, and says whether the end is what the findings of that tick ask for: a grave one ends
+/// the run as soon as all rest, nothing else does.
 fn drive(rig: &mut Rig, seconds: f64) -> bool {
-    for _ in 0..(seconds * 120.0) as i64 {
-        let goes_on = rig.tick();
-        // The pilot stops for a while before it says how the run ended; what it was told then is what counts.
-        let (told, ended) = (rig.signals.robot_finding, rig.ended());
+    let least = (seconds * TICK_HZ) as u32;
+    for tick in 0..least + (STOPPING_S * TICK_HZ) as u32 {
+        let told = rig.signals.robot_finding;
         let grave = told.is_some_and(|(_, finding)| finding.consequence() >= Consequence::EndRun);
-        match ended {
+        if tick >= least && !grave {
+            return true;
+        }
+        rig.tick();
+        match rig.ended() {
             Some(Ending::RobotUnfit(_, finding)) => return grave && finding.consequence() >= Consequence::EndRun,
             Some(_) => return false,
-            None if !goes_on => return false,
             None => {}
         }
     }
-    let told = rig.signals.robot_finding;
-    told.is_none_or(|(_, finding)| finding.consequence() < Consequence::EndRun)
+    false
 }
 
 /// A random trace: charges that hover about the thresholds, wheels that are held for a while, and all well again at the end.
