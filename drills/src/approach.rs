@@ -236,7 +236,7 @@ mod tests {
     use crate::table;
 
     #[test]
-    fn ten_rides_arrive_and_touch_nothing() {
-        assert!(table::print(&run(0, 10, 1, 2).expect("rides")));
+    fn rides_touch_nothing_and_end_with_a_reason() {
+        assert!(table::print(&run(0, 6, 1, 2).expect("rides")));
     }
 }

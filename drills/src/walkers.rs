@@ -134,11 +134,12 @@ mod tests {
     #[test]
     fn a_walker_stops_in_front_of_robots_that_stand() {
         let mut random = Noise::new(5, 9);
+        let mut way_m = 0.0;
         for _ in 0..200 {
             // The last two leave a gap that a walker does not fit through.
             let robots = [[-0.8, 0.0, 0.0], [0.6, 0.5, 0.0], [0.9, -0.4, 0.0]];
             let mut walkers = Walkers::new(&mut random, &robots, 2);
-            let (mut gap_m, mut way_m): (f64, f64) = (f64::INFINITY, 0.0);
+            let mut gap_m = f64::INFINITY;
             let mut before = walkers.step(&robots, 0.25);
             for _ in 0..1200 {
                 let now = walkers.step(&robots, 0.25);
@@ -152,7 +153,8 @@ mod tests {
                 before = now;
             }
             assert!(gap_m > 0.5 * LEFT_M, "{gap_m}");
-            assert!(way_m > 0.1, "{way_m}");
         }
+        // And they do walk: the slowest would walk 1 m in a run.
+        assert!(way_m > 100.0, "{way_m}");
     }
 }
