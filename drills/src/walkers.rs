@@ -107,7 +107,12 @@ impl Walker {
                 wanted = [0, 1].map(|axis: usize| wanted[axis] - (towards - most) * to[axis]);
             }
         }
-        // Away from one may be towards another: between two it stays.
+        // Nor into a wall: what would slide along it into a robot is looked at below.
+        for axis in 0..2 {
+            let is_out = self.at_m[axis].abs() >= REACH_M[axis] && wanted[axis] * self.at_m[axis] > 0.0;
+            wanted[axis] = if is_out { 0.0 } else { wanted[axis] };
+        }
+        // Away from one may be towards another: between two, and between a robot and a wall, it stays.
         let is_too_fast = |robot: &[f64; 3]| {
             let (towards, most, _) = self.approach(wanted, robot, radius_m);
             towards > most + 1e-9
@@ -122,6 +127,9 @@ impl Walker {
             self.velocity_m_per_s[axis] += share * change[axis];
             let at_m = self.at_m[axis] + self.velocity_m_per_s[axis] / TICK_HZ;
             self.at_m[axis] = at_m.clamp(-REACH_M[axis], REACH_M[axis]);
+            if at_m.abs() > REACH_M[axis] {
+                self.velocity_m_per_s[axis] = 0.0;
+            }
         }
     }
 }
@@ -136,8 +144,8 @@ mod tests {
         let mut random = Noise::new(5, 9);
         let mut way_m = 0.0;
         for _ in 0..200 {
-            // The last two leave a gap that a walker does not fit through.
-            let robots = [[-0.8, 0.0, 0.0], [0.6, 0.5, 0.0], [0.9, -0.4, 0.0]];
+            // The middle two leave a gap that a walker does not fit through, the last one such a gap to the walls.
+            let robots = [[-0.8, 0.0, 0.0], [0.6, 0.5, 0.0], [0.9, -0.4, 0.0], [1.4, 1.0, 0.0]];
             let mut walkers = Walkers::new(&mut random, &robots, 2);
             let mut gap_m = f64::INFINITY;
             let mut before = walkers.step(&robots, 0.25);
