@@ -51,6 +51,8 @@ pub struct Air {
     /// Frames that were sent and that arrived.
     pub sent: u64,
     pub arrived: u64,
+    /// Every frame as it left, lost or not, with its robot, when somebody wants to know.
+    pub overheard: Option<Vec<(usize, Vec<u8>)>>,
 }
 
 impl Air {
@@ -65,12 +67,23 @@ impl Air {
             burst_until_us: i64::MIN,
             sent: 0,
             arrived: 0,
+            overheard: None,
         }
+    }
+
+    /// Whether frames are noted as they leave.
+    #[must_use]
+    pub fn overheard(mut self, is_overheard: bool) -> Self {
+        self.overheard = is_overheard.then(Vec::new);
+        self
     }
 
     /// A frame leaves.
     pub fn send(&mut self, robot: usize, bytes: &[u8], now_us: i64) {
         self.sent += 1;
+        if let Some(overheard) = &mut self.overheard {
+            overheard.push((robot, bytes.to_vec()));
+        }
         let AirSettings {
             delay_us: [least, most],
             loss,

@@ -2,8 +2,10 @@
 
 use crate::hostile::{Hostile, WISH_GENES};
 use crate::liar::{Liar, lying_model};
+use crate::walkers::Walkers;
 use crate::{AirSettings, LightSettings, Rig, RigSettings, Scene, SceneRobot};
 use anyhow::{Result, anyhow};
+use api::arena::{Contents, FixedObstacle};
 use control::interaction::Settings;
 use control::law::Law;
 use control::team::Team;
@@ -37,6 +39,9 @@ pub struct Attack {
     pub walls_only: bool,
     /// Half of what the law says is garbage, and a tenth of the ticks is late.
     pub liar: bool,
+    /// What stands in the arena, and who walks through it; besides the genes.
+    pub furniture: Vec<FixedObstacle>,
+    pub walkers: Walkers,
 }
 
 /// What came of it.
@@ -44,6 +49,10 @@ pub struct Attack {
 pub struct Outcome {
     pub robots_m: f64,
     pub walls_m: f64,
+    /// To what stands in the arena.
+    pub obstacles_m: f64,
+    /// To who walks through it.
+    pub strangers_m: f64,
     /// Fastest that any robot was.
     pub fastest_m_per_s: f64,
     /// The run ended by itself before its time.
@@ -54,13 +63,15 @@ impl Outcome {
     pub const NONE: Self = Self {
         robots_m: f64::INFINITY,
         walls_m: f64::INFINITY,
+        obstacles_m: f64::INFINITY,
+        strangers_m: f64::INFINITY,
         fastest_m_per_s: 0.0,
         ended: false,
     };
 
-    /// Smallest distance of any kind.
+    /// Smallest distance to anything that is the filter's alone to keep: each other, walls and what stands.
     pub fn least_m(&self) -> f64 {
-        self.robots_m.min(self.walls_m)
+        self.robots_m.min(self.walls_m).min(self.obstacles_m)
     }
 }
 
@@ -81,6 +92,8 @@ impl Attack {
             seconds,
             walls_only: false,
             liar: false,
+            furniture: Vec::new(),
+            walkers: Walkers::default(),
         }
     }
 
@@ -201,6 +214,11 @@ impl Attack {
     fn law(&self) -> Box<dyn Law> {
         let wishes = (0..self.chassis.len()).map(|robot| std::array::from_fn(|place| self.of_robot(robot, 3 + place)));
         let law = Hostile::new(wishes.collect(), HALF_ARENA_M.map(|half| 2.0 * half));
+        let standing = self
+            .furniture
+            .iter()
+            .map(|obstacle| [obstacle.pose.x_m, obstacle.pose.y_m]);
+        let law = law.also_at(standing.chain(self.walkers.places_m()).collect());
         let law = if self.walls_only { law.at_walls() } else { law };
         if self.liar {
             Box::new(Liar::new(law, self.seed))
@@ -214,10 +232,37 @@ impl Attack {
         self.run_watched(false, |_| {})
     }
 
+    /// Arena and robots, ready to run.
+    ///
+    /// - `audited`: the rig notes every order and every frame.
+    pub(crate) fn begin(&self, audited: bool) -> Result<(Scene, Rig)> {
+        let starts = self.starts();
+        let robots: Vec<SceneRobot> = starts
+            .iter()
+            .map(|start| SceneRobot {
+                start: *start,
+                goal: [start[0], start[1]],
+            })
+            .collect();
+        let mut scene = Scene::mixed(&self.chassis, &robots, self.seconds)?;
+        if !self.furniture.is_empty() {
+            scene.laboratory.arena.contents = Some(Contents {
+                fixed: self.furniture.clone(),
+                ..Contents::default()
+            });
+        }
+        let rig = self.rig(&scene, audited)?;
+        Ok((scene, rig))
+    }
+
     /// A liar's robots are corrected by models that lie as well, in every second run.
-    fn rig(&self, scene: &Scene) -> Result<Rig> {
+    fn rig(&self, scene: &Scene, audited: bool) -> Result<Rig> {
+        let settings = RigSettings {
+            audited,
+            ..self.settings()
+        };
         if !self.liar || self.seed.is_multiple_of(2) {
-            return Rig::with_law(scene, &self.settings(), self.law());
+            return Rig::with_law(scene, &settings, self.law());
         }
         let scenario = scene.scenario()?;
         let refused = |problems| anyhow!("{problems:?}");
@@ -229,23 +274,15 @@ impl Attack {
             .collect::<Result<_>>()?;
         let team = Team::with_law(&scenario, self.law()).map_err(refused)?;
         let team = team.with_interaction(&models, Settings::default());
-        Rig::with_team(scene, &self.settings(), &scenario, team)
+        Rig::with_team(scene, &settings, &scenario, team)
     }
 
     /// The run, looked at after every control tick.
     ///
     /// - `keep_records`: the rig keeps what the laboratory wrote down for `look`, which may take it.
     pub fn run_watched(&self, keep_records: bool, mut look: impl FnMut(&mut Rig)) -> Result<Outcome> {
-        let starts = self.starts();
-        let robots: Vec<SceneRobot> = starts
-            .iter()
-            .map(|start| SceneRobot {
-                start: *start,
-                goal: [start[0], start[1]],
-            })
-            .collect();
-        let scene = Scene::mixed(&self.chassis, &robots, self.seconds)?;
-        let mut rig = self.rig(&scene)?;
+        let mut walkers = self.walkers.clone();
+        let (_, mut rig) = self.begin(false)?;
         rig.keep_records = keep_records;
         let fault = Fault::of(self);
         let mut late = Noise::new(self.seed, 0x01A7E);
@@ -253,6 +290,7 @@ impl Attack {
         let ticks = (self.seconds * TICKS_PER_S) as i64;
         for tick in 0..ticks {
             fault.set(&mut rig, tick as f64 / TICKS_PER_S);
+            rig.strangers = walkers.step(&rig.poses(), RADIUS_M);
             if self.liar && late.uniform() < 0.1 {
                 rig.pilot_mut().overdue(1 + u32::from(late.uniform() < 0.5));
             }
@@ -261,7 +299,7 @@ impl Attack {
             }
             look(&mut rig);
             if tick % 12 == 0 {
-                let speeds = (0..robots.len()).map(|robot| rig.speed_m_per_s(robot));
+                let speeds = (0..self.chassis.len()).map(|robot| rig.speed_m_per_s(robot));
                 fastest_m_per_s = speeds.fold(fastest_m_per_s, f64::max);
             }
         }
@@ -269,6 +307,8 @@ impl Attack {
         Ok(Outcome {
             robots_m: separation.robots_m,
             walls_m: separation.walls_m,
+            obstacles_m: separation.obstacles_m,
+            strangers_m: separation.strangers_m,
             fastest_m_per_s,
             ended: rig.ended().is_some() && rig.slot() < ticks - 1,
         })
@@ -277,7 +317,7 @@ impl Attack {
 
 /// Something that breaks for a while: half of the runs have one.
 #[derive(Debug, Clone, Copy)]
-struct Fault {
+pub(crate) struct Fault {
     kind: usize,
     robot: usize,
     from_s: f64,
@@ -285,7 +325,7 @@ struct Fault {
 }
 
 impl Fault {
-    fn of(attack: &Attack) -> Self {
+    pub(crate) fn of(attack: &Attack) -> Self {
         let count = attack.chassis.len();
         let from_s = attack.seconds * attack.gene(14);
         Self {
@@ -296,7 +336,7 @@ impl Fault {
         }
     }
 
-    fn set(&self, rig: &mut Rig, now_s: f64) {
+    pub(crate) fn set(&self, rig: &mut Rig, now_s: f64) {
         let on = (self.from_s..self.until_s).contains(&now_s);
         match self.kind {
             0 => rig.up.cut_for = on.then_some(self.robot),

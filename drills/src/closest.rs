@@ -1,4 +1,4 @@
-//! How two robots of an adversarial run came as close as they did: a table of the time before.
+//! How two robots of an adversarial run, or a robot and one of no run, came as close as they did: a table of the time before.
 
 use crate::attack::Attack;
 use anyhow::Result;
@@ -10,6 +10,7 @@ const AFTER_S: f64 = 0.1;
 
 /// One control tick.
 struct Moment {
+    /// Of the robots of the run, then of the others.
     poses: Vec<[f64; 3]>,
     speeds_m_per_s: Vec<f64>,
     commands: Vec<Command>,
@@ -23,28 +24,41 @@ impl Moment {
     }
 }
 
-/// Repeats the run and prints, tick by tick, both robots of its closest pair: true pose and speed, what was wanted and what was sent.
+/// Repeats the run and prints, tick by tick, both robots of its closest pair, those of no run behind the others: true pose and speed, what was wanted and what was sent.
 ///
 /// - Errors: a run that cannot be set up, or has one robot.
 pub fn print(attack: &Attack) -> Result<()> {
     let mut moments: Vec<Moment> = Vec::new();
+    let count = attack.chassis.len();
     let outcome = attack.run_watched(true, |rig| {
         let commands = rig.records.drain(..).filter_map(|record| match record {
             Record::Command(command) => Some(command),
             _ => None,
         });
         let commands = commands.collect();
-        let poses = rig.poses();
+        let mut poses = rig.poses();
+        let mut speeds_m_per_s: Vec<f64> = (0..poses.len()).map(|place| rig.speed_m_per_s(place)).collect();
+        let mut latched: Vec<bool> = rig.watches().iter().map(|watch| watch.latched_us.is_some()).collect();
+        for (place, (_, pose)) in rig.strangers.iter().enumerate() {
+            let before = moments
+                .last()
+                .and_then(|moment| moment.poses.get(count + place))
+                .unwrap_or(pose);
+            speeds_m_per_s.push(120.0 * (pose[0] - before[0]).hypot(pose[1] - before[1]));
+            poses.push(*pose);
+            latched.push(false);
+        }
         moments.push(Moment {
-            speeds_m_per_s: (0..poses.len()).map(|place| rig.speed_m_per_s(place)).collect(),
+            speeds_m_per_s,
             poses,
             commands,
-            latched: rig.watches().iter().map(|watch| watch.latched_us.is_some()).collect(),
+            latched,
         });
     })?;
     println!("{outcome:?}\n{:?}", attack.chassis);
-    let count = attack.chassis.len();
-    let pairs = (0..count).flat_map(|a| (0..a).map(move |b| (b, a)));
+    let bodies = moments.first().map_or(0, |moment| moment.poses.len());
+    // Those of no run may come to each other as they like.
+    let pairs = (0..bodies).flat_map(|a| (0..a.min(count)).map(move |b| (b, a)));
     let all = pairs.flat_map(|(a, b)| {
         moments
             .iter()

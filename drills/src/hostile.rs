@@ -13,6 +13,8 @@ pub struct Hostile {
     half_m: [f64; 2],
     /// Walls only, no robots.
     walls_only: bool,
+    /// Further places to drive at.
+    places_m: Aims,
 }
 
 impl Hostile {
@@ -23,6 +25,7 @@ impl Hostile {
             genes,
             half_m: arena_m.map(|side| side / 2.0),
             walls_only: false,
+            places_m: Aims::new(),
         }
     }
 
@@ -30,6 +33,13 @@ impl Hostile {
     #[must_use]
     pub fn at_walls(mut self) -> Self {
         self.walls_only = true;
+        self
+    }
+
+    /// The same, but these places are aims as well, besides each other and walls.
+    #[must_use]
+    pub fn also_at(mut self, places_m: Vec<[f64; 2]>) -> Self {
+        self.places_m = places_m;
         self
     }
 
@@ -43,6 +53,7 @@ impl Hostile {
         if !self.walls_only {
             let others = robots.iter().enumerate().filter(|(j, _)| *j != i);
             aims.extend(others.map(|(_, other)| [other.pose.x_m, other.pose.y_m]));
+            aims.extend(&self.places_m);
         }
         aims.extend([
             [half_x, own.y_m],

@@ -3,7 +3,10 @@
 use anyhow::Result;
 use clap::{Parser, Subcommand};
 use drills::adversary::{self, Aim};
-use drills::{agent, blind, closest, deadlock, falsify, link_loss, sight, stale, strangers, table, tracking};
+use drills::{
+    agent, approach, audit, blind, closest, deadlock, falsify, ladder, link_loss, obstacles, sight, stale, strangers,
+    table, tracking,
+};
 use emulator::camera::CameraSettings;
 use std::process::ExitCode;
 
@@ -19,11 +22,16 @@ struct Arguments {
 enum Drill {
     /// S5: hostile runs of 10 s on the emulated plant; collisions and smallest distances
     Adversary(Runs),
+    /// S5: the same among obstacles that stand and robots that are pushed about
+    Obstacles(Runs),
     /// How the closest two robots of a run of S5 came there, tick by tick
     Closest {
         number: u64,
         #[arg(long, default_value_t = 1)]
         seed: u64,
+        /// Of the runs among obstacles
+        #[arg(long)]
+        obstacles: bool,
     },
     /// S7: the same, driving at walls
     Geofence(Runs),
@@ -37,10 +45,16 @@ enum Drill {
     Blind(Runs),
     /// S4: frames that must not move a robot
     Stale(Runs),
+    /// S8: every frame that leaves the laboratory against the order of its tick; so many frames
+    Audit(Runs),
+    /// Robots drive from anywhere to the starts of an experiment
+    Approach(Runs),
     /// S9: antipodal swaps
     Deadlock(Runs),
     /// S13: so many words of a law that lies
     Liar(Runs),
+    /// S14: batteries that run down, wheels that are held, gyros that lie
+    Ladder(Runs),
     /// S11: the laboratory's process killed or stopped
     Agent(Runs),
     /// A robot that is not in the run stands in the way or is pushed about
@@ -112,8 +126,17 @@ fn main() -> Result<ExitCode> {
             let rows = adversary::run(Aim::Anything, runs.first, runs.or(30_000), runs.seed, runs.threads)?;
             table::print(&rows)
         }
-        Drill::Closest { number, seed } => {
-            closest::print(&adversary::attack(Aim::Anything, seed, number))?;
+        Drill::Obstacles(runs) => table::print(&obstacles::run(runs.first, runs.or(3000), runs.seed, runs.threads)?),
+        Drill::Closest {
+            number,
+            seed,
+            obstacles,
+        } => {
+            closest::print(&if obstacles {
+                obstacles::attack(seed, number)
+            } else {
+                adversary::attack(Aim::Anything, seed, number)
+            })?;
             true
         }
         Drill::Geofence(runs) => {
@@ -131,6 +154,9 @@ fn main() -> Result<ExitCode> {
         Drill::Blind(runs) => table::print(&blind::run(runs.or(2000), runs.seed, runs.threads)?),
         Drill::Stale(runs) => table::print(&stale::run(runs.or(1_000_000), runs.seed, runs.threads)?),
         Drill::Deadlock(runs) => table::print(&deadlock::run(runs.first, runs.or(1000), runs.seed, runs.threads)?),
+        Drill::Audit(runs) => table::print(&audit::run(runs.or(1_000_000), runs.seed, runs.threads)?),
+        Drill::Approach(runs) => table::print(&approach::run(runs.first, runs.or(500), runs.seed, runs.threads)?),
+        Drill::Ladder(runs) => table::print(&ladder::run(runs.or(100), runs.seed, runs.threads)?),
         Drill::Agent(runs) => table::print(&agent::run(runs.or(200), runs.seed, runs.threads)?),
         Drill::Strangers(runs) => table::print(&strangers::run(runs.or(300), runs.seed, runs.threads)?),
         Drill::Tracking(runs) => {

@@ -1,21 +1,33 @@
 //! The closed loop in virtual time.
 
+mod distance;
 mod settings;
+mod voice;
+mod ward;
+mod watch;
 
+pub(crate) use distance::STRANGER_RADIUS_M;
+pub use distance::Separation;
+#[cfg(test)]
+pub(crate) use distance::outside_m;
 pub use settings::RigSettings;
+pub use voice::{Said, SaidWhat};
+pub use ward::{Report, Ward};
+pub use watch::StopWatch;
 
 use crate::{Air, Light, Scene};
 use anyhow::{Result, anyhow};
+use api::arena::Arena;
 use control::law::Law;
-use control::safety::SafeCommand;
 use control::scenario::{FieldProblem, Scenario};
 use control::team::Team;
 use emulator::Laboratory;
 use emulator::keys::Keys;
 use emulator::laboratory::Placement;
 use emulator::unit::Reception;
-use lab::commander::{Commander, Order, Sent, Still};
-use lab::ear::Ear;
+use lab::chorus::{Chorus, hears_groups};
+use lab::commander::{Commander, Still};
+use lab::ear::{Ear, Heard};
 use lab::estimator::{PoseSample, PoseTrack};
 use lab::localisation::Fuser;
 use lab::pilot::{Outlet, Pilot, PilotRobot};
@@ -24,36 +36,17 @@ use lab::robot_limits::RobotLimits;
 use lab::safety::{Ending, Signals};
 use robot::frame::TELEMETRY_MAX_CHARACTERS;
 use robot::key::Key;
-use robot::watchdog::WatchdogState;
 use sandbox::start::REHEARSAL_PATIENCE;
+use voice::Voice;
 
 /// Any key does: nobody else is in the air.
 const KEY_HEX: &str = "000102030405060708090a0b0c0d0e0f";
 const PLANT_HZ: i64 = 480;
 const PLANT_TICKS_PER_TICK: i64 = 4;
+/// Telemetry frames for each health frame.
+const TICKS_PER_HEALTH: i64 = 12;
 /// Frames without motion before the run: clocks get known, robots get seen.
 const PREPARE_TICKS: i64 = 60;
-
-/// Smallest distances of a drill, bounding circle to bounding circle or wall; negative is a collision.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Separation {
-    pub robots_m: f64,
-    pub walls_m: f64,
-}
-
-/// What a robot did since it last took a command, at the firmware's rate.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct StopWatch {
-    /// Arrival of the last frame in order.
-    pub heard_us: i64,
-    /// First step at which the watchdog was seen to ramp, and to be latched, since then.
-    pub ramping_us: Option<i64>,
-    pub latched_us: Option<i64>,
-    /// Way since then, and the fastest it was.
-    pub travelled_m: f64,
-    pub fastest_m_per_s: f64,
-    at_m: [f64; 2],
-}
 
 /// See the module.
 #[derive(Debug)]
@@ -64,13 +57,19 @@ pub struct Rig {
     pub down: Air,
     /// What the loop is told from outside.
     pub signals: Signals,
-    /// Number and pose of a robot on the floor that is not in the run.
-    pub stranger: Option<(u16, [f64; 3])>,
+    /// Number and pose of the robots on the floor that are not in the run.
+    pub strangers: Vec<(u16, [f64; 3])>,
+    /// Every order of the pilot, when somebody wants to know.
+    pub said: Option<Vec<Said>>,
+    /// Robots tell their health, and the laboratory judges it, when this is there.
+    pub ward: Option<Ward>,
     /// Everything the laboratory wrote down, unless [`Self::keep_records`] is off.
     pub records: Vec<Record>,
     pub keep_records: bool,
     pilot: Pilot,
     commanders: Vec<Commander>,
+    /// Of this tick's groups, when the robots hear groups.
+    chorus: Option<Chorus>,
     /// Robot's clock in its newest frame.
     heard_ms: Vec<u32>,
     ears: Vec<Ear>,
@@ -78,7 +77,7 @@ pub struct Rig {
     key: Key,
     numbers: Vec<u8>,
     radii_m: Vec<f64>,
-    arena_m: [f64; 2],
+    arena: Arena,
     phase: i64,
     begin_us: i64,
     plant_ticks: i64,
@@ -86,36 +85,6 @@ pub struct Rig {
     separation: Separation,
     watches: Vec<StopWatch>,
     ended: Option<Ending>,
-}
-
-/// The link as the pilot sees it.
-struct Voice<'a> {
-    commanders: &'a mut [Commander],
-    heard_ms: &'a [u32],
-    up: &'a mut Air,
-    now_us: i64,
-}
-
-impl Voice<'_> {
-    fn say(&mut self, place: usize, order: Order<'_>, tick: u32) -> Sent {
-        let heard_ms = self.heard_ms.get(place).copied().unwrap_or_default();
-        let Some(commander) = self.commanders.get_mut(place) else {
-            return Sent::nothing();
-        };
-        let (frame, sent) = commander.frame(order, tick, self.now_us, heard_ms);
-        self.up.send(place, frame.as_bytes(), self.now_us);
-        sent
-    }
-}
-
-impl Outlet for Voice<'_> {
-    fn drive(&mut self, place: usize, command: &SafeCommand, tick: u32) -> Sent {
-        self.say(place, Order::Drive(command), tick)
-    }
-
-    fn still(&mut self, place: usize, still: Still, tick: u32) -> Sent {
-        self.say(place, Order::Still(still), tick)
-    }
 }
 
 impl Rig {
@@ -165,18 +134,11 @@ impl Rig {
             })
             .collect();
         laboratory.place(&placements)?;
-        let driven = |robot: &api::robot::RobotDescription| {
-            let wheels = robot.wheels.iter().enumerate();
-            wheels
-                .filter(|(_, wheel)| wheel.driven)
-                .map(|(place, _)| place)
-                .collect()
-        };
         let duration_ticks = (scenario.experiment.duration_s * 120.0).round() as i64;
         let mut rig = Self {
             laboratory,
             light: Light::new(settings.light, robots.len(), settings.seed),
-            up: Air::new(settings.up, settings.seed, 1),
+            up: Air::new(settings.up, settings.seed, 1).overheard(settings.audited),
             down: Air::new(settings.down, settings.seed, 2),
             signals: Signals {
                 protective_stop: false,
@@ -187,7 +149,10 @@ impl Rig {
                 recorder_failed: false,
                 robot_finding: None,
             },
-            stranger: None,
+            strangers: Vec::new(),
+            said: settings.audited.then(Vec::new),
+            ward: settings.health.then(|| Ward::new(robots.len())),
+            chorus: None,
             records: Vec::new(),
             keep_records: true,
             commanders: robots
@@ -200,26 +165,13 @@ impl Rig {
             key,
             numbers: robots.iter().map(|robot| robot.number).collect(),
             radii_m: robots.iter().map(|robot| robot.bounding_radius_m).collect(),
-            arena_m: [scene.laboratory.arena.width_m, scene.laboratory.arena.height_m],
+            arena: scene.laboratory.arena.clone(),
             phase: settings.phase.rem_euclid(PLANT_TICKS_PER_TICK),
             begin_us: settings.begin_us,
             plant_ticks: 0,
             motion_plant_tick: 0,
-            separation: Separation {
-                robots_m: f64::INFINITY,
-                walls_m: f64::INFINITY,
-            },
-            watches: vec![
-                StopWatch {
-                    heard_us: settings.begin_us,
-                    ramping_us: None,
-                    latched_us: None,
-                    travelled_m: 0.0,
-                    fastest_m_per_s: 0.0,
-                    at_m: [0.0; 2],
-                };
-                robots.len()
-            ],
+            separation: Separation::NONE,
+            watches: vec![StopWatch::new(settings.begin_us); robots.len()],
             ended: None,
             // Replaced below, once the robots are seen.
             pilot: Pilot::new(Team::new(scenario).map_err(refused)?, Vec::new(), 0, settings.begin_us),
@@ -232,6 +184,7 @@ impl Rig {
             pilot.without_learning()
         };
         rig.motion_plant_tick = rig.plant_ticks;
+        rig.begin_to_speak();
         Ok(rig)
     }
 
@@ -289,7 +242,25 @@ impl Rig {
         self.pilot = Pilot::new(team, seen, duration_ticks, self.now_us());
         self.motion_plant_tick = self.plant_ticks;
         self.ended = None;
+        self.begin_to_speak();
         Ok(())
+    }
+
+    /// As at the start of a run in the laboratory; the emulated robots all read groups.
+    fn begin_to_speak(&mut self) {
+        let robots = self.commanders.iter().map(|commander| (commander.epoch(), true));
+        self.chorus = hears_groups(robots).then(|| Chorus::with_room_for(self.commanders.len()));
+    }
+
+    /// Of all robots.
+    pub fn key(&self) -> Key {
+        self.key
+    }
+
+    /// Number of each robot and positions in its description's `wheels` of the driven ones.
+    pub fn driven(&self) -> Vec<(u8, Vec<usize>)> {
+        let robots = self.laboratory.units().iter().map(emulator::unit::Unit::robot);
+        robots.map(|robot| (robot.number, driven(&robot.description))).collect()
     }
 
     /// To make frames of one's own: what a forger or an old laboratory would send.
@@ -331,6 +302,8 @@ impl Rig {
             commanders: &mut self.commanders,
             heard_ms: &self.heard_ms,
             up: &mut self.up,
+            chorus: self.chorus.as_mut(),
+            said: self.said.as_mut(),
             now_us,
         };
         self.ended = self
@@ -350,6 +323,27 @@ impl Rig {
             if !self.tick() {
                 return;
             }
+        }
+    }
+
+    /// As the laboratory does between runs: it listens, and robots stay awake and still.
+    pub fn idle_for(&mut self, seconds: f64) {
+        for _ in 0..(seconds * 120.0).round() as i64 {
+            let now_us = self.now_us();
+            self.receive(now_us);
+            let mut voice = Voice {
+                commanders: &mut self.commanders,
+                heard_ms: &self.heard_ms,
+                up: &mut self.up,
+                chorus: None,
+                said: self.said.as_mut(),
+                now_us,
+            };
+            for place in 0..self.numbers.len() {
+                voice.still(place, Still::Rest, 0);
+            }
+            self.records.clear();
+            self.plant_ticks();
         }
     }
 
@@ -400,10 +394,13 @@ impl Rig {
                     *slot = Some(heard);
                 }
             });
+            // Before a run every robot has frames of its own.
             let mut voice = Voice {
                 commanders: &mut self.commanders,
                 heard_ms: &self.heard_ms,
                 up: &mut self.up,
+                chorus: None,
+                said: self.said.as_mut(),
                 now_us,
             };
             for place in 0..limits.len() {
@@ -435,6 +432,7 @@ impl Rig {
             key,
             pilot,
             records,
+            ward,
             ..
         } = self;
         light.deliver(now_us, |sighting| {
@@ -443,15 +441,24 @@ impl Rig {
             }
         });
         down.deliver(now_us, |place, bytes| {
-            if let Some(ear) = ears.get_mut(place)
-                && let Ok(telemetry) = ear.hear(bytes, key, now_us)
-            {
-                if let Some(heard_ms) = heard_ms.get_mut(place) {
-                    *heard_ms = telemetry.robot_clock_ms;
+            match ears.get_mut(place).map(|ear| ear.listen(bytes, key, now_us)) {
+                Some(Ok(Heard::Motion(telemetry))) => {
+                    if let Some(heard_ms) = heard_ms.get_mut(place) {
+                        *heard_ms = telemetry.robot_clock_ms;
+                    }
+                    pilot.hear(telemetry, records);
                 }
-                pilot.hear(telemetry, records);
+                Some(Ok(Heard::Health(health))) => {
+                    if let Some(ward) = ward {
+                        ward.take(place, &health, now_us);
+                    }
+                }
+                _ => {}
             }
         });
+        if let Some(ward) = &self.ward {
+            self.signals.robot_finding = ward.finding();
+        }
     }
 
     /// Plant and firmware for one control period.
@@ -469,14 +476,7 @@ impl Rig {
                 if let (Some(unit), Some(watch)) = (laboratory.unit_mut(place), watches.get_mut(place))
                     && unit.receive(bytes, now_us) == Reception::Commander
                 {
-                    *watch = StopWatch {
-                        heard_us: now_us,
-                        ramping_us: None,
-                        latched_us: None,
-                        travelled_m: 0.0,
-                        fastest_m_per_s: 0.0,
-                        at_m: watch.at_m,
-                    };
+                    *watch = watch.heard(now_us);
                 }
             });
             self.laboratory.tick(now_us);
@@ -490,18 +490,7 @@ impl Rig {
 
     fn watch(&mut self, now_us: i64) {
         for (watch, unit) in self.watches.iter_mut().zip(self.laboratory.units()) {
-            let Some(body) = unit.on_floor() else { continue };
-            match unit.firmware().watchdog().state() {
-                WatchdogState::Running => {}
-                WatchdogState::Ramping => _ = watch.ramping_us.get_or_insert(now_us),
-                WatchdogState::Latched => _ = watch.latched_us.get_or_insert(now_us),
-            }
-            let pose = body.pose();
-            let [x_m, y_m] = watch.at_m;
-            let [vx, vy] = body.velocity_m_per_s();
-            watch.travelled_m += (pose.x_m - x_m).hypot(pose.y_m - y_m);
-            watch.fastest_m_per_s = watch.fastest_m_per_s.max(vx.hypot(vy));
-            watch.at_m = [pose.x_m, pose.y_m];
+            watch.step(unit, now_us);
         }
     }
 
@@ -515,7 +504,7 @@ impl Rig {
                 .map(|number| u16::from(*number))
                 .zip(self.poses())
                 .filter(|(_, pose)| pose.iter().all(|part| part.is_finite()))
-                .chain(self.stranger)
+                .chain(self.strangers.iter().copied())
                 .collect();
             self.light.expose(now_us, &poses);
         }
@@ -525,24 +514,34 @@ impl Rig {
                 continue;
             };
             let length = unit.telemetry(now_us, &mut out);
-            if let Some(bytes) = out.get(..length).filter(|bytes| !bytes.is_empty()) {
-                self.down.send(place, bytes, now_us);
+            send(&mut self.down, place, out.get(..length), now_us);
+            if self.ward.is_some() && (tick + place as i64) % TICKS_PER_HEALTH == 0 {
+                let length = unit.health_report(now_us, &mut out);
+                send(&mut self.down, place, out.get(..length), now_us);
             }
         }
     }
 
     fn measure(&mut self) {
         let poses = self.poses();
-        let [width_m, height_m] = self.arena_m;
-        for (i, ([x, y, _], radius_m)) in poses.iter().zip(&self.radii_m).enumerate() {
-            let wall_m = (width_m / 2.0 - x.abs()).min(height_m / 2.0 - y.abs()) - radius_m;
-            self.separation.walls_m = self.separation.walls_m.min(wall_m);
-            for ([ox, oy, _], other_radius_m) in poses.iter().zip(&self.radii_m).skip(i + 1) {
-                let gap_m = (x - ox).hypot(y - oy) - radius_m - other_radius_m;
-                self.separation.robots_m = self.separation.robots_m.min(gap_m);
-            }
-        }
+        self.separation
+            .measure(&poses, &self.radii_m, &self.arena, &self.strangers);
     }
+}
+
+fn send(down: &mut Air, place: usize, characters: Option<&[u8]>, now_us: i64) {
+    if let Some(characters) = characters.filter(|characters| !characters.is_empty()) {
+        down.send(place, characters, now_us);
+    }
+}
+
+/// Positions in `wheels` of the driven wheels.
+fn driven(robot: &api::robot::RobotDescription) -> Vec<usize> {
+    let wheels = robot.wheels.iter().enumerate();
+    wheels
+        .filter(|(_, wheel)| wheel.driven)
+        .map(|(place, _)| place)
+        .collect()
 }
 
 fn refused(problems: Vec<FieldProblem>) -> anyhow::Error {
@@ -571,7 +570,7 @@ mod tests {
             let off_m = (pose[0] - robot.goal[0]).hypot(pose[1] - robot.goal[1]);
             assert!(off_m < 0.05, "{off_m} m from the goal");
         }
-        let Separation { robots_m, walls_m } = rig.separation();
+        let Separation { robots_m, walls_m, .. } = rig.separation();
         println!("separation: robots {robots_m:.3} m, walls {walls_m:.3} m");
         assert!(robots_m > 0.0 && walls_m > 0.0);
     }

@@ -63,7 +63,7 @@ fn meet(number: u64, seed: u64, pushed: bool) -> Result<Meeting> {
             *speed += (goal - *speed).clamp(-step, step);
             *at += *speed / TICK_HZ;
         }
-        rig.stranger = Some((NUMBER, [at[0], at[1], 0.0]));
+        rig.strangers = vec![(NUMBER, [at[0], at[1], 0.0])];
         if !rig.tick() {
             break;
         }

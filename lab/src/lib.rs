@@ -9,6 +9,7 @@ pub mod backoff;
 pub mod begin;
 pub mod camera;
 pub mod carry_out;
+pub mod chorus;
 pub mod claim;
 pub mod clock;
 pub mod clock_map;

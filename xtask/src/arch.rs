@@ -1,4 +1,6 @@
-//! The architecture's invariants, as far as the dependency graph can show them.
+//! The architecture's invariants, as far as the dependency graph and names can show them.
+
+mod naming;
 
 use std::collections::BTreeMap;
 
@@ -167,6 +169,7 @@ pub fn problems() -> Result<Vec<String>> {
     }
     let robot = std::fs::read_to_string(paths::root().join("robot/src/lib.rs")).unwrap_or_default();
     problems.extend(no_std_problem(&robot));
+    problems.extend(naming::problems()?);
     Ok(problems)
 }
 

@@ -45,7 +45,7 @@ pub fn problems() -> Result<Vec<String>> {
 }
 
 /// Files of the checkout relative to its root, without built and hidden ones.
-fn files_below(root: &Path) -> Result<Vec<PathBuf>> {
+pub fn files_below(root: &Path) -> Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     let mut open = vec![PathBuf::new()];
     while let Some(folder) = open.pop() {

@@ -23,6 +23,10 @@ pub struct RigSettings {
     pub looks_ahead: bool,
     /// The laboratory learns what share of its yaw rate a robot turns; see [`lab::pilot::Pilot::without_learning`].
     pub learns: bool,
+    /// Orders and frames are noted from the first one on; see [`crate::Rig::said`].
+    pub audited: bool,
+    /// Robots tell their health; see [`crate::Rig::ward`].
+    pub health: bool,
 }
 
 impl Default for RigSettings {
@@ -37,6 +41,8 @@ impl Default for RigSettings {
             begin_us: BEGIN_US,
             looks_ahead: true,
             learns: true,
+            audited: false,
+            health: false,
         }
     }
 }

@@ -1,13 +1,12 @@
 //! The right to send to a robot.
 
 use super::{RobotLink, lock};
+use crate::chorus::GroupFrame;
 use crate::clock::monotonic_us;
-use crate::clock_map::link_clock_ms;
 use crate::commander::{CommandPart, Commander, Order, Sent, Still};
 use crate::epochs::RESERVED_FRAMES;
 use crate::mouth::Mouth;
 use control::safety::SafeCommand;
-use robot::frame::{GROUP_MAX_ROBOTS, GroupHeader, MAX_CHARACTERS, Part, encode_group};
 use std::net::SocketAddr;
 use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
@@ -92,20 +91,8 @@ impl RobotPort {
     }
 
     /// Sends a group to all robots at once; false when it could not be sent.
-    ///
-    /// - `parts`: of at most [`GROUP_MAX_ROBOTS`] robots, in the order of their numbers.
-    pub fn send_group(&self, sequence: u32, tick: u32, parts: &[CommandPart]) -> bool {
-        debug_assert!(parts.len() <= GROUP_MAX_ROBOTS);
-        let header = GroupHeader {
-            epoch: self.commander.epoch(),
-            sequence,
-            tick,
-            clock_ms: link_clock_ms(monotonic_us()),
-        };
-        let mut characters = [0; MAX_CHARACTERS];
-        let parts: Vec<Part> = parts.iter().map(|part| *part.part()).collect();
-        let length = encode_group(&header, &parts, &mut characters);
-        self.mouth.say_to_all(characters.get(..length).unwrap_or_default())
+    pub fn send_group(&self, group: &GroupFrame) -> bool {
+        self.mouth.say_to_all(group.as_bytes())
     }
 
     /// A frame to this robot could not be sent.

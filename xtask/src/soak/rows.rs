@@ -50,6 +50,7 @@ pub const ROWS: &[Row] = &[
     ignored("S4-robot", "robot", "attacks", ""),
     ignored("S6", "control", "filter_total", ""),
     drill("S7", "geofence"),
+    drill("S8", "audit"),
     drill("S9", "deadlock"),
     ignored("S10", "system-tests", "protective_stop", "five_hundred_presses"),
     drill("S11", "agent"),
@@ -60,6 +61,10 @@ pub const ROWS: &[Row] = &[
         "ticks_are_in_time_idle_and_under_load",
     ),
     drill("S13", "liar"),
+    drill("S14", "ladder"),
+    drill("S5-strangers", "strangers"),
+    drill("S5-obstacles", "obstacles"),
+    drill("S5-approach", "approach"),
     drill("S5", "adversary"),
     drill("S5-search", "falsify"),
     ignored(
