@@ -2,7 +2,7 @@
 
 mod stop_rig;
 
-use anyhow::{Context, ensure};
+use anyhow::ensure;
 use api::run::RunState;
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};

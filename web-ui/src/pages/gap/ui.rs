@@ -8,10 +8,7 @@ use crate::state::{Page, State};
 use crate::theme::{self, Palette, Tone};
 use crate::update;
 use api::diagnosis::{DiagnosisState, DiagnosisView, NOMINAL};
-use egui::{
-    Align, Button, CentralPanel, Checkbox, ComboBox, Frame, Label, Layout, Margin, Panel, ProgressBar, RichText,
-    ScrollArea, Sense, Stroke, Ui, vec2,
-};
+use egui::{Align, Button, Checkbox, Label, Layout, ProgressBar, RichText, ScrollArea, Sense, Stroke, Ui, vec2};
 
 const TICK_WIDTH: f32 = 68.0;
 /// Of unchanged, changed, kept back.

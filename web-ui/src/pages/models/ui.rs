@@ -8,10 +8,7 @@ use crate::pages::parts::{self, faint};
 use crate::state::{Page, Shown, State};
 use crate::theme::{self, Palette, Tone};
 use crate::update;
-use egui::{
-    Align, Button, CentralPanel, ComboBox, Frame, Label, Layout, Margin, Panel, Rect, RichText, ScrollArea, Sense,
-    Stroke, Ui, pos2, vec2,
-};
+use egui::{Align, Button, Label, Layout, Rect, RichText, Sense, Stroke, Ui, pos2, vec2};
 
 const ROW_HEIGHT: f32 = 56.0;
 /// Room for the lines of descent at the left of the rows.
