@@ -118,20 +118,6 @@ impl Metric {
         self.runs[run].weighting.expected
     }
 
-    /// Weighted energy of the parts of a run's vector that end at some positions, without regard to knobs.
-    pub fn energies(&self, run: usize, ends: &[usize], vector: &[f64]) -> Vec<f64> {
-        let weighting = &self.runs[run].weighting;
-        let turned = weighting.turned(vector);
-        let mut from = 0;
-        let mut energies = Vec::with_capacity(ends.len());
-        for to in ends {
-            let part = weighting.weights[from..*to].iter().zip(&turned[from..*to]);
-            energies.push(part.map(|(w, v)| w * v * v).sum());
-            from = *to;
-        }
-        energies
-    }
-
     /// What the knobs, turned as is likeliest for this run alone, leave of a run's vector, in units of the noise: roots of weighted energies.
     pub fn rest(&self, run: usize, vector: &[f64]) -> Vec<f64> {
         let terms = &self.runs[run];

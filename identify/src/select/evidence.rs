@@ -151,19 +151,29 @@ fn worst_channel(energies: &[Energies], gain: f64, chance: f64) -> Option<(usize
     shares.max_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// Decrease of the weighted energy of every window.
+/// Decrease of the energy of every window of a run, everyday differences taken out: they are turned as is likeliest for the whole run, and what they cost by
+/// their own likelihood is shared by all windows. The sum is the run's gain.
 fn window_gains(metric: &Metric, run: usize, record: &Record, before: &[f64], after: &[f64]) -> Vec<f64> {
-    let mut to = 0;
-    let ends: Vec<usize> = record
-        .windows
-        .iter()
-        .map(|window| {
-            to += window.drive.len() + window.rolling.as_ref().map_or(0, crate::record::Chain::len);
-            to
-        })
-        .collect();
-    let (before, after) = (metric.energies(run, &ends, before), metric.energies(run, &ends, after));
+    let (before, after) = (
+        window_energies(metric, run, record, before),
+        window_energies(metric, run, record, after),
+    );
     before.iter().zip(after).map(|(before, after)| before - after).collect()
+}
+
+fn window_energies(metric: &Metric, run: usize, record: &Record, vector: &[f64]) -> Vec<f64> {
+    let rest = metric.rest(run, vector);
+    let mut from = 0;
+    let mut energies: Vec<f64> = Vec::with_capacity(record.windows.len());
+    for window in &record.windows {
+        let to = from + window.drive.len() + window.rolling.as_ref().map_or(0, crate::record::Chain::len);
+        energies.push(rest[from..to].iter().map(|value| value * value).sum());
+        from = to;
+    }
+    let whole = metric.gram_of_run(run, &[vector]).at(0, 0);
+    let cost = (whole - energies.iter().sum::<f64>()) / energies.len().max(1) as f64;
+    energies.iter_mut().for_each(|energy| *energy += cost);
+    energies
 }
 
 fn amplitude_in_references(data: &Round, metric: &Metric, model: &Hypothesis, stages: Stages) -> Option<f64> {
