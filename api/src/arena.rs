@@ -106,4 +106,10 @@ pub struct ArenaView {
     pub state: String,
     /// Why, in words, when it is not free.
     pub message: Option<String>,
+    /// The protective stop is pressed and not cleared.
+    #[serde(default)]
+    pub stopped: bool,
+    /// Page of its protective stop; `POST` to `stop` below it stops the robots, also without this service.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stop_url: Option<String>,
 }

@@ -19,6 +19,10 @@ pub struct LabDescription {
     pub name: String,
     pub arena: Arena,
     pub robots: Vec<LabRobot>,
+    /// Page of the protective stop as browsers reach it, for example `https://stop.lab.example/`; the dashboard's button
+    /// calls it. Absent: the address that the laboratory's process listens on, where that is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stop_url: Option<String>,
 }
 
 /// Body of `POST /api/v1/lab/claim` (long poll).

@@ -60,6 +60,34 @@ fn go_to_pose_arrives_on_every_chassis_from_every_side() {
     }
 }
 
+/// A robot without a target stands on the straight way, another beside it, and a box beyond them; every chassis comes to its
+/// place, as an omni-directional one and as a car of them must: round what stands.
+#[test]
+fn go_to_pose_goes_round_what_stands() {
+    for chassis in CHASSIS {
+        let robots = [
+            (chassis, [-1.9, 0.0, 0.0]),
+            ("omni4", [0.0, 0.05, 0.0]),
+            ("diff2", [0.3, -0.75, 1.0]),
+        ];
+        let targets = json!([{"robot": "r0", "x_m": 1.9, "y_m": 0.1, "yaw_rad": 0.3}]);
+        let mut document = team("go_to_pose", json!({}), &robots, targets, 90.0, [5.0, 4.0]);
+        document["arena"]["contents"] = json!({"fixed": [{"name": "box", "shape": {"rectangle": {"length_m": 0.3, "width_m": 0.3}},
+            "pose": {"x_m": 0.9, "y_m": 0.6, "yaw_rad": 0.4}}]});
+        let (verdict, poses) = run(&document);
+        let [x, y, yaw] = *poses[0].last().expect("poses");
+        let (off_m, off_rad) = (libm::hypot(x - 1.9, y - 0.1), turn(yaw, 0.3).abs());
+        println!("{chassis}: {:.1} s", verdict.ticks as f64 * TICK_S);
+        assert!(verdict.findings.is_empty(), "{chassis}: {:#?}", verdict.findings);
+        assert!(
+            off_m < 0.01 && off_rad < 2.0_f64.to_radians(),
+            "{chassis}: {off_m} m {off_rad} rad"
+        );
+        let [x, y, _] = *poses[1].last().expect("poses");
+        assert!(libm::hypot(x, y - 0.05) < 0.05, "{chassis}: pushed aside to {x} {y}");
+    }
+}
+
 /// Largest distance from the path (polyline; for car-like robots without the corners).
 #[test]
 fn path_following_stays_on_the_path_on_every_chassis() {

@@ -2,7 +2,7 @@
 
 use crate::attack::{Attack, Outcome};
 use crate::fan::{fan, progress};
-use crate::table::Row;
+use crate::table::{self, Row};
 use anyhow::{Context, Result};
 
 /// Seconds of a run.
@@ -76,15 +76,7 @@ pub fn run(aim: Aim, first: u64, count: u64, seed: u64, threads: usize) -> Resul
         .filter(|outcome| outcome.fastest_m_per_s > MOVED_M_PER_S)
         .count();
     let ended = outcomes.iter().filter(|outcome| outcome.ended).count();
-    let row = |what: &str, figure: String, asked: &str, holds: bool| Row {
-        name: aim.name(),
-        what: what.to_owned(),
-        count,
-        seed,
-        figure,
-        asked: asked.to_owned(),
-        holds,
-    };
+    let row = table::rows_of(aim.name(), count, seed);
     let mm = |(m, at): (f64, u64)| {
         if m.is_finite() {
             format!("{:.1} mm, run {at}", 1e3 * m)
@@ -115,7 +107,6 @@ pub fn run(aim: Aim, first: u64, count: u64, seed: u64, threads: usize) -> Resul
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::table;
 
     #[test]
     fn twenty_hostile_runs_collide_with_nothing() {

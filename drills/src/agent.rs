@@ -1,7 +1,7 @@
 //! S11 in virtual time: the laboratory's process is killed, or stopped for a while.
 
 use crate::fan::{fan, progress};
-use crate::table::Row;
+use crate::table::{self, Row};
 use crate::{Rig, RigSettings, Scene, SceneRobot};
 use anyhow::Result;
 use emulator::noise::Noise;
@@ -82,27 +82,14 @@ fn nap(number: u64, seed: u64) -> Result<Nap> {
 pub fn run(count: u64, seed: u64, threads: usize) -> Result<Vec<Row>> {
     let naps = fan(count, threads, |number| nap(number, seed), progress("agent", 50, count))?;
     let most = |of: fn(&Nap) -> f64| naps.iter().map(of).fold(0.0, f64::max);
-    let still = |what: &str, of: fn(&Nap) -> f64| Row {
-        name: "S11",
-        what: what.to_owned(),
-        count,
-        seed,
-        figure: format!("{:.2} mm", 1e3 * most(of)),
-        asked: format!("< {:.0} mm", 1e3 * MOVED_M),
-        holds: most(of) < MOVED_M,
+    let row = table::rows_of("S11", count, seed);
+    let still = |what: &str, of: fn(&Nap) -> f64| {
+        let figure = format!("{:.2} mm", 1e3 * most(of));
+        row(what, figure, &format!("< {:.0} mm", 1e3 * MOVED_M), most(of) < MOVED_M)
     };
     let least = |of: fn(&Nap) -> f64| naps.iter().map(of).fold(f64::INFINITY, f64::min);
     let fast = naps.iter().filter(|nap| nap.speed_m_per_s > 0.1).count() as u64;
     let moves = naps.iter().filter(|nap| nap.new_epoch_m > 0.05).count() as u64;
-    let row = |what: &str, figure: String, asked: &str, holds: bool| Row {
-        name: "S11",
-        what: what.to_owned(),
-        count,
-        seed,
-        figure,
-        asked: asked.to_owned(),
-        holds,
-    };
     Ok(vec![
         still("way later than 0.8 s after the last frame", |nap| nap.asleep_m),
         still("way after the process is woken, old epoch", |nap| nap.awake_m),
@@ -131,7 +118,6 @@ pub fn run(count: u64, seed: u64, threads: usize) -> Result<Vec<Row>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::table;
 
     #[test]
     fn nothing_moves_without_a_new_epoch() {

@@ -3,7 +3,7 @@
 use crate::attack::{Attack, Fault};
 use crate::fan::fan;
 use crate::ledger::{Counts, Ledger};
-use crate::table::Row;
+use crate::table::{self, Row};
 use anyhow::{Context, Result};
 use emulator::noise::Noise;
 
@@ -86,15 +86,7 @@ pub fn run(count: u64, seed: u64, threads: usize) -> Result<Vec<Row>> {
             eprintln!("audit: {} of {count} frames", total.frames);
         }
     }
-    let row = |what: &str, figure: String, asked: &str, holds: bool| Row {
-        name: "S8",
-        what: what.to_owned(),
-        count: total.frames,
-        seed,
-        figure,
-        asked: asked.to_owned(),
-        holds,
-    };
+    let row = table::rows_of("S8", total.frames, seed);
     let none = |what: &str, number: u64| row(what, number.to_string(), "0", number == 0);
     let of = |is: fn(&Audited) -> bool| runs.iter().filter(|run| is(run)).count();
     Ok(vec![
@@ -126,7 +118,6 @@ pub fn run(count: u64, seed: u64, threads: usize) -> Result<Vec<Row>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::table;
 
     #[test]
     fn every_frame_of_some_runs_is_the_order_of_its_tick() {

@@ -1,7 +1,7 @@
 //! S9: antipodal swaps on the emulated plant.
 
 use crate::fan::{fan, progress};
-use crate::table::Row;
+use crate::table::{self, Row};
 use crate::{Rig, RigSettings, Scene, SceneRobot};
 use anyhow::Result;
 use emulator::noise::Noise;
@@ -113,38 +113,25 @@ pub fn run(first: u64, count: u64, seed: u64, threads: usize) -> Result<Vec<Row>
     let without = swaps.iter().filter(|swap| swap.ending.is_none()).count();
     let separation_m = swaps.iter().map(|swap| swap.separation_m).fold(f64::INFINITY, f64::min);
     let detected_s = swaps.iter().map(|swap| swap.detected_s).fold(0.0, f64::max);
-    let row = |what: &str, figure: String, asked: String, holds: bool| Row {
-        name: "S9",
-        what: what.to_owned(),
-        count,
-        seed,
-        figure,
-        asked,
-        holds,
-    };
+    let row = table::rows_of("S9", count, seed);
     Ok(vec![
         row(
             "swaps resolved",
             format!("{resolved}"),
-            ">= 95 %".to_owned(),
+            ">= 95 %",
             resolved as f64 >= 0.95 * count as f64,
         ),
-        row(
-            "swaps without an ending",
-            without.to_string(),
-            "0".to_owned(),
-            without == 0,
-        ),
+        row("swaps without an ending", without.to_string(), "0", without == 0),
         row(
             "least distance between robots",
             format!("{:.1} mm", 1e3 * separation_m),
-            format!(">= {:.0} mm", 1e3 * LEAST_M),
+            &format!(">= {:.0} mm", 1e3 * LEAST_M),
             separation_m >= LEAST_M,
         ),
         row(
             "longest standing before the way round",
             format!("{detected_s:.2} s"),
-            "<= 5 s".to_owned(),
+            "<= 5 s",
             detected_s <= 5.0,
         ),
     ])
@@ -153,7 +140,6 @@ pub fn run(first: u64, count: u64, seed: u64, threads: usize) -> Result<Vec<Row>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::table;
 
     #[test]
     fn five_swaps_are_resolved() {

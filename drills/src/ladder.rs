@@ -3,7 +3,7 @@
 use crate::fan::{fan, progress};
 use crate::hostile::{Hostile, WISH_GENES};
 use crate::rig::Report;
-use crate::table::Row;
+use crate::table::{self, Row};
 use crate::{Rig, RigSettings, Scene, SceneRobot};
 use anyhow::{Context, Result, ensure};
 use emulator::faults::{FaultKind, FaultRequest};
@@ -301,14 +301,8 @@ pub fn run(count: u64, seed: u64, threads: usize) -> Result<Vec<Row>> {
     ensure!(!traces.is_empty(), "no traces");
     let sum = |of: fn(&Judged) -> u64, all: &[Judged]| all.iter().map(of).sum::<u64>();
     let both = |of: fn(&Judged) -> u64| sum(of, &traces) + sum(of, &paired);
-    let row = |what: &str, count: u64, figure: String, asked: &str, holds: bool| Row {
-        name: "S14",
-        what: what.to_owned(),
-        count,
-        seed,
-        figure,
-        asked: asked.to_owned(),
-        holds,
+    let row = |what: &str, count: u64, figure: String, asked: &str, holds: bool| {
+        table::rows_of("S14", count, seed)(what, figure, asked, holds)
     };
     let ended = traces.iter().filter(|trace| trace.ended).count() as u64;
     let none = |what: &str, count: u64, number: u64| row(what, count, number.to_string(), "0", number == 0);
@@ -350,7 +344,6 @@ pub fn run(count: u64, seed: u64, threads: usize) -> Result<Vec<Row>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::table;
 
     #[test]
     fn four_traces_and_all_pairs_climb_the_ladder_as_asked() {

@@ -3,7 +3,7 @@
 use crate::attack::CHASSIS;
 use crate::fan::{fan, progress};
 use crate::hostile::Hostile;
-use crate::table::Row;
+use crate::table::{self, Row};
 use crate::{Rig, RigSettings, Scene, SceneRobot};
 use anyhow::{Context, Result};
 use control::law::{Demand, Law, Observation};
@@ -221,15 +221,7 @@ pub fn cuts(count: u64, seed: u64, threads: usize) -> Result<Vec<Row>> {
         |number| cut(number, seed, &natures),
         progress("link-loss", 1000, count),
     )?;
-    let row = |what: &str, figure: String, asked: String, holds: bool| Row {
-        name: "S1",
-        what: what.to_owned(),
-        count,
-        seed,
-        figure,
-        asked,
-        holds,
-    };
+    let row = table::rows_of("S1", count, seed);
     let span = |of: fn(&Cut) -> i64| {
         let least = cuts.iter().map(of).min().unwrap_or(0);
         (least, cuts.iter().map(of).max().unwrap_or(i64::MAX))
@@ -237,7 +229,7 @@ pub fn cuts(count: u64, seed: u64, threads: usize) -> Result<Vec<Row>> {
     let timed = |what: &str, (least, most): (i64, i64), limit_us: i64| {
         let allowed = (limit_us - NOTICED_US..=limit_us + NOTICED_US).contains(&most) && least >= limit_us - NOTICED_US;
         let figure = format!("{:.1} to {:.1} ms", least as f64 * 1e-3, most as f64 * 1e-3);
-        row(what, figure, format!("{} +- 3.1 ms", limit_us / 1000), allowed)
+        row(what, figure, &format!("{} +- 3.1 ms", limit_us / 1000), allowed)
     };
     let moving: Vec<&Cut> = cuts.iter().filter(|cut| cut.fastest_m_per_s > LEAST_M_PER_S).collect();
     let share = |straight: bool| {
@@ -259,13 +251,13 @@ pub fn cuts(count: u64, seed: u64, threads: usize) -> Result<Vec<Row>> {
         row(
             "answer of the six chassis, link whole",
             format!("{} s", listed(|nature| nature.straight_s)),
-            "< 0.43 s".to_owned(),
+            "< 0.43 s",
             answered(|nature| nature.straight_s),
         ),
         row(
             "the same in the sharpest turns",
             format!("{} s", listed(|nature| nature.turning_s)),
-            "< 0.43 s".to_owned(),
+            "< 0.43 s",
             answered(|nature| nature.turning_s),
         ),
         timed("last frame to ramp", span(|cut| cut.ramp_us), RAMP_AFTER_US),
@@ -273,19 +265,19 @@ pub fn cuts(count: u64, seed: u64, threads: usize) -> Result<Vec<Row>> {
         row(
             "stopping distance over v (0.1 + answer) + v2/2a, straight",
             format!("{along:.2}, {straight} straight"),
-            "<= 1".to_owned(),
+            "<= 1",
             along <= 1.0 && straight > 0,
         ),
         row(
             "the same, all",
             format!("{all:.2}; {:.0} mm, {fastest:.2} m/s, {moved} moved", 1e3 * longest_m),
-            "<= 1".to_owned(),
+            "<= 1",
             all <= 1.0 && moved * 4 >= count * 3,
         ),
         row(
             "at rest 2.5 s after the cut",
             resting.to_string(),
-            "all".to_owned(),
+            "all",
             resting as u64 == count,
         ),
     ])
@@ -372,15 +364,7 @@ pub fn nuisance(count: u64, seed: u64, threads: usize) -> Result<Vec<Row>> {
     let lost = sum(|hour| hour.lost) as f64 / (count * HOUR_FRAMES) as f64;
     let resume_ms = hours.iter().map(|hour| hour.resume_ms).max().unwrap_or(0);
     let steepest = hours.iter().map(|hour| hour.steepest).fold(0.0, f64::max);
-    let row = |what: &str, figure: String, asked: &str, holds: bool| Row {
-        name: "S2",
-        what: what.to_owned(),
-        count,
-        seed,
-        figure,
-        asked: asked.to_owned(),
-        holds,
-    };
+    let row = table::rows_of("S2", count, seed);
     Ok(vec![
         row(
             "latches in 100 robot-hours",
@@ -412,7 +396,6 @@ pub fn nuisance(count: u64, seed: u64, threads: usize) -> Result<Vec<Row>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::table;
 
     #[test]
     fn sixty_cuts_stop_in_time() {

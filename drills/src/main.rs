@@ -49,6 +49,12 @@ enum Drill {
     Audit(Runs),
     /// Robots drive from anywhere to the starts of an experiment
     Approach(Runs),
+    /// How a ride of `approach` goes, second by second
+    Ride {
+        number: u64,
+        #[arg(long, default_value_t = 1)]
+        seed: u64,
+    },
     /// S9: antipodal swaps
     Deadlock(Runs),
     /// S13: so many words of a law that lies
@@ -137,6 +143,10 @@ fn main() -> Result<ExitCode> {
             } else {
                 adversary::attack(Aim::Anything, seed, number)
             })?;
+            true
+        }
+        Drill::Ride { number, seed } => {
+            approach::print(number, seed)?;
             true
         }
         Drill::Geofence(runs) => {

@@ -3,7 +3,7 @@
 use crate::attack::{Attack, Outcome};
 use crate::fan::{fan, progress};
 use crate::furniture::furniture;
-use crate::table::Row;
+use crate::table::{self, Row};
 use crate::walkers::Walkers;
 use anyhow::{Context, Result};
 use emulator::noise::Noise;
@@ -52,15 +52,7 @@ pub fn run(first: u64, count: u64, seed: u64, threads: usize) -> Result<Vec<Row>
 
 fn rows(outcomes: &[Outcome], first: u64, seed: u64) -> Vec<Row> {
     let count = outcomes.len() as u64;
-    let row = |what: &str, figure: String, asked: &str, holds: bool| Row {
-        name: "S5",
-        what: what.to_owned(),
-        count,
-        seed,
-        figure,
-        asked: asked.to_owned(),
-        holds,
-    };
+    let row = table::rows_of("S5", count, seed);
     let least = |what: &str, of: fn(&Outcome) -> f64| {
         let numbered = outcomes.iter().map(of).zip(first..);
         let (least_m, at) = numbered.fold(
@@ -103,7 +95,6 @@ fn rows(outcomes: &[Outcome], first: u64, seed: u64) -> Vec<Row> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::table;
 
     #[test]
     fn twenty_four_hostile_runs_among_obstacles_touch_nothing() {

@@ -331,19 +331,24 @@ impl Rig {
         for _ in 0..(seconds * 120.0).round() as i64 {
             let now_us = self.now_us();
             self.receive(now_us);
-            let mut voice = Voice {
-                commanders: &mut self.commanders,
-                heard_ms: &self.heard_ms,
-                up: &mut self.up,
-                chorus: None,
-                said: self.said.as_mut(),
-                now_us,
-            };
-            for place in 0..self.numbers.len() {
-                voice.still(place, Still::Rest, 0);
-            }
+            self.say_still(Still::Rest, now_us);
             self.records.clear();
             self.plant_ticks();
+        }
+    }
+
+    /// To every robot in a frame of its own: groups are for runs.
+    fn say_still(&mut self, still: Still, now_us: i64) {
+        let mut voice = Voice {
+            commanders: &mut self.commanders,
+            heard_ms: &self.heard_ms,
+            up: &mut self.up,
+            chorus: None,
+            said: self.said.as_mut(),
+            now_us,
+        };
+        for place in 0..self.numbers.len() {
+            voice.still(place, still, 0);
         }
     }
 
@@ -394,18 +399,7 @@ impl Rig {
                     *slot = Some(heard);
                 }
             });
-            // Before a run every robot has frames of its own.
-            let mut voice = Voice {
-                commanders: &mut self.commanders,
-                heard_ms: &self.heard_ms,
-                up: &mut self.up,
-                chorus: None,
-                said: self.said.as_mut(),
-                now_us,
-            };
-            for place in 0..limits.len() {
-                voice.still(place, Still::Release, 0);
-            }
+            self.say_still(Still::Release, now_us);
             self.plant_ticks();
         }
         let parts = tracks.into_iter().zip(telemetry).zip(limits).zip(&self.numbers);

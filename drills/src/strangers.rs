@@ -2,7 +2,7 @@
 
 use crate::attack::CHASSIS;
 use crate::fan::{fan, progress};
-use crate::table::Row;
+use crate::table::{self, Row};
 use crate::{Rig, RigSettings, Scene, SceneRobot};
 use anyhow::{Context, Result};
 use emulator::noise::Noise;
@@ -104,15 +104,7 @@ pub fn run(count: u64, seed: u64, threads: usize) -> Result<Vec<Row>> {
     let driven = |pushed: usize| of(pushed).filter(|one| one.driving_m_per_s > DRIVING_M_PER_S).count();
     let touched = of(1).filter(|one| one.gap_m < 0.0).count();
     let moved = meetings.iter().filter(|one| one.travelled_m > 0.3).count();
-    let row = |what: &str, figure: String, asked: &str, holds: bool| Row {
-        name: "S5",
-        what: what.to_owned(),
-        count,
-        seed,
-        figure,
-        asked: asked.to_owned(),
-        holds,
-    };
+    let row = table::rows_of("S5", count, seed);
     Ok(vec![
         row(
             "a stranger stands: least distance",
@@ -144,7 +136,6 @@ pub fn run(count: u64, seed: u64, threads: usize) -> Result<Vec<Row>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::table;
 
     #[test]
     fn nobody_drives_into_a_stranger() {

@@ -13,6 +13,19 @@ pub struct Row {
     pub holds: bool,
 }
 
+/// Makes the rows of one drill, of what they say, figure, what is asked and whether it holds.
+pub fn rows_of(name: &'static str, count: u64, seed: u64) -> impl Fn(&str, String, &str, bool) -> Row {
+    move |what, figure, asked, holds| Row {
+        name,
+        what: what.to_owned(),
+        count,
+        seed,
+        figure,
+        asked: asked.to_owned(),
+        holds,
+    }
+}
+
 /// Prints the rows; `true` when all hold.
 pub fn print(rows: &[Row]) -> bool {
     let head = ["row", "what", "count", "seed", "figure", "asked", ""];

@@ -22,7 +22,7 @@ use std::sync::Arc;
 /// Ticks of the approach are numbered from here, so that they are negative as everything before the start.
 pub const FIRST_TICK: i64 = -1_000_000;
 /// Robots that are not where they should be by then are carried.
-pub const TIME_LIMIT_S: f64 = 40.0;
+pub const TIME_LIMIT_S: f64 = 60.0;
 
 /// What came of it.
 pub enum Approach {
@@ -202,7 +202,7 @@ mod tests {
     fn robots_that_do_not_get_there_are_carried_and_what_ends_a_run_ends_it() {
         let limit = (TIME_LIMIT_S * TICK_HZ as f64) as i64;
         assert_eq!(left_over(Ending::Finished, limit - 1), Ok(None));
-        assert!(matches!(left_over(Ending::Finished, limit), Ok(Some(why)) if why.contains("40 s")));
+        assert!(matches!(left_over(Ending::Finished, limit), Ok(Some(why)) if why.contains("60 s")));
         assert!(matches!(left_over(Ending::Deadlock, 100), Ok(Some(_))));
         for ending in [
             Ending::ProtectiveStop,

@@ -86,7 +86,7 @@ fn is_fit(lab: &Lab, assignment: &Assignment) -> bool {
 
 async fn next_run(lab: &Lab) -> Result<Option<Assignment>, ServiceError> {
     if !lab.registered.load(Ordering::Relaxed) {
-        lab.desk.service.register(&lab.description).await?;
+        lab.desk.service.register(&lab.registration()).await?;
         lab.registered.store(true, Ordering::Relaxed);
         tracing::info!(lab = lab.description.name, "registered");
     }
@@ -120,7 +120,7 @@ pub async fn keep_status(lab: Arc<Lab>) {
             Err(ServiceError::Refused { status, .. }) if status == reqwest::StatusCode::NOT_FOUND => {
                 // The service lost this laboratory, for example with a new database.
                 if lab.registered.swap(false, Ordering::Relaxed)
-                    && let Err(error) = lab.desk.service.register(&lab.description).await
+                    && let Err(error) = lab.desk.service.register(&lab.registration()).await
                 {
                     tracing::warn!(%error, "registering again");
                 }

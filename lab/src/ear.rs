@@ -52,7 +52,7 @@ pub struct Ear {
 struct Newest {
     epoch: u32,
     sequence: u32,
-    /// Largest echo so far; 0 before the first.
+    /// Of the newest frame that was used and had one; 0 before the first.
     echo_ms: u32,
     arrival_us: i64,
 }

@@ -19,15 +19,18 @@ use api::lab::{LabDescription, LabStatus, RobotStatus};
 use robot::key::Key;
 use robot::medium::MediumProfile;
 use std::collections::{BTreeMap, BTreeSet};
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use uuid::Uuid;
 
 /// One laboratory process.
 #[derive(Debug)]
 pub struct Lab {
     pub description: LabDescription,
+    /// Page of the protective stop, once it is served.
+    stop_url: OnceLock<String>,
     /// `<data>/lab`: runs, epochs, stop mark.
     pub desk: Desk,
     pub latch: Arc<StopLatch>,
@@ -96,9 +99,25 @@ impl Lab {
             activity: Mutex::default(),
             homeward: Mutex::default(),
             docks,
+            stop_url: OnceLock::new(),
             description,
             desk,
         }))
+    }
+
+    /// Says where the stop port listens. An address of all interfaces is none that a browser could call.
+    pub fn tell_stop(&self, address: SocketAddr) {
+        if !address.ip().is_unspecified() {
+            // Told once, at the start.
+            self.stop_url.get_or_init(|| format!("http://{address}/"));
+        }
+    }
+
+    /// Body of `POST /lab/register`.
+    pub fn registration(&self) -> LabDescription {
+        let mut description = self.description.clone();
+        description.stop_url = description.stop_url.or_else(|| self.stop_url.get().cloned());
+        description
     }
 
     /// Says what is going on; `None` = nothing.

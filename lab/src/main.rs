@@ -16,6 +16,7 @@ fn main() -> Result<()> {
     let lab = Lab::open(&config)?;
     let address = stop_port::start(config.stop_listen, &config.data, lab.latch.clone(), lab.clone())
         .with_context(|| format!("open the stop port {}", config.stop_listen))?;
+    lab.tell_stop(address);
     idle::start(lab.link.clone(), lab.latch.clone(), lab.book.clone()).context("start the idle robots' thread")?;
     tracing::info!(lab = lab.description.name, stop = %address, stopped = lab.latch.is_pressed(), "laboratory ready");
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;

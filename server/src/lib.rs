@@ -14,4 +14,5 @@ pub mod openapi;
 pub mod router;
 pub mod startup;
 pub mod state;
+mod stop_pages;
 pub mod tokens;

@@ -4,6 +4,7 @@ use crate::access::{Principal, Role};
 use crate::app::error::AppError;
 use crate::live::LiveHub;
 use crate::objects::ObjectFolder;
+use crate::stop_pages::StopPages;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use store::Store;
@@ -30,6 +31,7 @@ struct Inner {
     local_user: Option<Principal>,
     own_hosts: Vec<String>,
     watchers: Arc<Semaphore>,
+    stop_pages: StopPages,
     archive_gate: Mutex<()>,
     comparison_gate: Arc<Semaphore>,
     shutdown: CancellationToken,
@@ -67,6 +69,7 @@ impl AppState {
             local_user: parts.trust_loopback.then_some(local),
             own_hosts,
             watchers: Arc::new(Semaphore::new(WATCHERS_LIMIT)),
+            stop_pages: StopPages::default(),
             archive_gate: Mutex::new(()),
             comparison_gate: Arc::new(Semaphore::new(COMPARISONS_AT_ONCE)),
             shutdown: parts.shutdown,
@@ -83,6 +86,11 @@ impl AppState {
 
     pub fn live(&self) -> &LiveHub {
         &self.0.live
+    }
+
+    /// Origins of the laboratories' protective stops.
+    pub async fn stop_origins(&self) -> Vec<String> {
+        self.0.stop_pages.origins(&self.0.store).await
     }
 
     pub fn static_dir(&self) -> &Path {

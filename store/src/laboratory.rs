@@ -34,6 +34,7 @@ struct ArenaRow {
     stopped: bool,
     leased: bool,
     held_reason: Option<String>,
+    stop_url: Option<String>,
 }
 
 impl Store {
@@ -44,9 +45,9 @@ impl Store {
         let contents = arena.contents.as_ref().map(serde_json::to_string).transpose();
         let contents = contents.map_err(StoreError::corrupt("arena"))?;
         sqlx::query(
-            "INSERT INTO arenas (name, lab, width_m, height_m, floor, contents) VALUES ($1, $2, $3, $4, $5, $6::json)
+            "INSERT INTO arenas (name, lab, width_m, height_m, floor, contents, stop_url) VALUES ($1, $2, $3, $4, $5, $6::json, $7)
              ON CONFLICT (name) DO UPDATE SET lab = excluded.lab, width_m = excluded.width_m, height_m = excluded.height_m,
-                floor = excluded.floor, contents = excluded.contents, registered_at = clock_timestamp(), held_until = NULL, held_reason = NULL",
+                floor = excluded.floor, contents = excluded.contents, stop_url = excluded.stop_url, registered_at = clock_timestamp(), held_until = NULL, held_reason = NULL",
         )
         .bind(&arena.name)
         .bind(&lab.name)
@@ -54,6 +55,7 @@ impl Store {
         .bind(arena.height_m)
         .bind(&arena.floor)
         .bind(contents)
+        .bind(&lab.stop_url)
         .execute(&mut *transaction)
         .await?;
         replace_robots(&mut transaction, &arena.name, &lab.robots).await?;
@@ -138,6 +140,13 @@ impl Store {
         rows.into_iter().map(RobotRow::into_view).collect()
     }
 
+    /// Pages of the laboratories' protective stops.
+    pub async fn stop_urls(&self) -> Result<Vec<String>> {
+        let all =
+            sqlx::query_scalar("SELECT DISTINCT stop_url FROM arenas WHERE stop_url IS NOT NULL ORDER BY stop_url");
+        Ok(all.fetch_all(&self.pool).await?)
+    }
+
     /// Every arena and what it is doing.
     pub async fn arena_list(&self) -> Result<Vec<ArenaView>> {
         let rows: Vec<ArenaRow> = sqlx::query_as(
@@ -145,7 +154,7 @@ impl Store {
                 coalesce(s.seen_at > clock_timestamp() - make_interval(secs => $1), false) AS connected,
                 coalesce(s.stopped, false) AS stopped,
                 EXISTS (SELECT FROM leases l WHERE l.arena = a.name AND l.side = 'physical') AS leased,
-                CASE WHEN a.held_until > clock_timestamp() THEN a.held_reason END AS held_reason
+                CASE WHEN a.held_until > clock_timestamp() THEN a.held_reason END AS held_reason, a.stop_url
              FROM arenas a LEFT JOIN arena_status s ON s.arena = a.name ORDER BY a.name",
         )
         .bind(SILENT_S)
@@ -255,6 +264,8 @@ impl ArenaRow {
             arena,
             state: state.to_owned(),
             message,
+            stopped: self.connected && self.stopped,
+            stop_url: self.stop_url,
         })
     }
 }

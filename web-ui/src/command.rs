@@ -65,6 +65,10 @@ pub enum Command {
     },
     Gap(GapCommand),
     Models(ModelsCommand),
+    /// The protective stop of every laboratory that tells where its own is.
+    StopRobots,
+    /// The laboratory's own stop page, where the stop is cleared.
+    OpenStopPage(String),
 }
 
 /// What a person did on the Models page.
@@ -192,6 +196,8 @@ pub enum Request {
     /// All versions of a robot.
     Versions(String),
     Compare,
+    /// The protective stop of the laboratory whose stop page has this address.
+    Stop(String),
 }
 
 /// How a REST call ended. `Err` holds the words of the browser when no answer came at all.
@@ -230,7 +236,7 @@ pub enum Effect {
         file_name: String,
     },
     SetAddress(String),
-    /// Opens an address of this service beside the dashboard.
+    /// Opens an address of this service, or a laboratory's stop page, beside the dashboard.
     OpenBeside(String),
     StoreTheme {
         dark: bool,

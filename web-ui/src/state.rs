@@ -194,6 +194,25 @@ impl Lab {
         }
     }
 
+    /// Pages of the laboratories' protective stops, each once.
+    pub fn stop_pages(&self) -> impl Iterator<Item = &str> {
+        let pages: BTreeSet<&str> = self
+            .arenas
+            .iter()
+            .flatten()
+            .filter_map(|arena| arena.stop_url.as_deref())
+            .collect();
+        pages.into_iter()
+    }
+
+    /// Page of a laboratory whose protective stop is pressed.
+    pub fn stopped(&self) -> Option<&str> {
+        let arenas = self.arenas.iter().flatten();
+        arenas
+            .filter(|arena| arena.stopped)
+            .find_map(|arena| arena.stop_url.as_deref())
+    }
+
     pub fn arena(&self, name: &str) -> Option<&Arena> {
         self.arenas
             .as_deref()

@@ -15,6 +15,8 @@ use crate::{End, builds, bundle, check, paths, run};
 const SMOKE_LIMIT: Duration = Duration::from_secs(10 * 60);
 /// Packages of the browser's side; not among the default members.
 const BROWSER_PACKAGES: [&str; 4] = ["--package", "web-ui", "--package", "sim-wasm"];
+/// A Cortex-M3, as on the paper's drive boards (SAM3X).
+const FIRMWARE_TRIPLE: &str = "thumbv7m-none-eabi";
 const SYSTEM_PACKAGE: &str = "system-tests";
 
 #[derive(Args)]
@@ -40,6 +42,7 @@ pub fn test(arguments: &TestArguments) -> Result<End> {
     check::add_licences(&mut stages);
     let built = stages.run("build", build);
     let bundled = stages.run("wasm", || build_bundles(&found));
+    add_firmware(&mut stages, &found);
     stages.run("clippy", check::clippy);
     stages.run_if(built, "the build failed", "tests", || {
         with_database(&found, |url| package_tests(url, &onnx_variable()))
@@ -83,6 +86,27 @@ pub fn build() -> Result<()> {
 
 fn build_bundles(found: &Found) -> Result<()> {
     bundle::build(found.wasm.as_ref().context("no wasm toolchain after setup")?)
+}
+
+/// The robots' software for a microcontroller without operating system and heap.
+fn add_firmware(stages: &mut Stages, found: &Found) {
+    let toolchain = found
+        .wasm
+        .as_ref()
+        .filter(|toolchain| toolchain.has_core_of(FIRMWARE_TRIPLE));
+    let Some(toolchain) = toolchain else {
+        stages.leave_out(
+            "firmware",
+            "no core library for it (`rustup target add thumbv7m-none-eabi`)",
+        );
+        return;
+    };
+    stages.run("firmware", || {
+        let folder = paths::program_folder()?.join("firmware");
+        let mut command = toolchain.cargo_build_for(FIRMWARE_TRIPLE, "core");
+        command.args(["--quiet", "--release", "--package", "robot", "--target-dir"]);
+        run::succeed(command.arg(folder))
+    });
 }
 
 /// The twin's bits in debug, release, with wider vectors and in WebAssembly.

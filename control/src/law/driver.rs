@@ -97,7 +97,6 @@ impl Driver {
                 let car = Car {
                     turning_radius_m,
                     axle_x_m,
-                    half_room_m: [f64::INFINITY; 2],
                     speed_m_per_s: PARKING_M_PER_S,
                 };
                 self.steered(robot, request, &car)
@@ -194,7 +193,7 @@ impl Driver {
             }
         };
         self.parking = Some(goal);
-        Some(self.manoeuvre.step(car, &here, &goal).0)
+        Some(self.manoeuvre.step(car, &here, &goal, &|_| true).0)
     }
 }
 

@@ -9,6 +9,7 @@
 
 use twin::twist::BodyTwist;
 
+use super::detour::Room;
 use super::piece::{Place, errors};
 use super::reeds_shepp::{self, Path};
 use crate::TICK_S;
@@ -41,8 +42,6 @@ pub struct Car {
     pub turning_radius_m: f64,
     /// Position of the axle that is not steered, ahead of the body origin.
     pub axle_x_m: f64,
-    /// Half the room of the body origin: `[x_m, y_m]`.
-    pub half_room_m: Vector,
     pub speed_m_per_s: f64,
 }
 
@@ -55,14 +54,23 @@ impl Car {
         }
     }
 
-    fn stays_inside(&self, path: &Path) -> bool {
+    /// The body origin when the axle is there.
+    fn origin_m(&self, axle: &Place) -> Vector {
+        sub(axle.place_m, scale(heading(axle.yaw_rad), self.axle_x_m))
+    }
+
+    /// Whether the body origin stays where it may be.
+    fn stays(&self, path: &Path, holds: &dyn Fn(Vector) -> bool) -> bool {
         path.pieces().iter().all(|piece| {
             (1..=SAMPLES).all(|k| {
                 let axle = piece.at(piece.length_m * f64::from(k) / f64::from(SAMPLES));
-                let origin = sub(axle.place_m, scale(heading(axle.yaw_rad), self.axle_x_m));
-                origin[0].abs() <= self.half_room_m[0] && origin[1].abs() <= self.half_room_m[1]
+                holds(self.origin_m(&axle))
             })
         })
+    }
+
+    fn planned_radius_m(&self) -> f64 {
+        RADIUS_SHARE * self.turning_radius_m
     }
 }
 
@@ -79,12 +87,20 @@ pub struct Manoeuvre {
 
 impl Manoeuvre {
     /// One tick of the way to `goal`; a twist of the body origin and the point on the path.
-    pub fn step(&mut self, car: &Car, here: &Place, goal: &Place) -> (BodyTwist, Vector) {
+    ///
+    /// - `holds`: whether the body origin may be there; a path that it accepts is preferred.
+    pub fn step(
+        &mut self,
+        car: &Car,
+        here: &Place,
+        goal: &Place,
+        holds: &dyn Fn(Vector) -> bool,
+    ) -> (BodyTwist, Vector) {
         let axle = car.axle(here);
         if !self.planned {
-            let radius_m = RADIUS_SHARE * car.turning_radius_m;
+            let radius_m = car.planned_radius_m();
             *self = Manoeuvre {
-                path: reeds_shepp::path(&axle, &car.axle(goal), radius_m, &|path| car.stays_inside(path)),
+                path: reeds_shepp::path(&axle, &car.axle(goal), radius_m, &|path| car.stays(path, holds)),
                 planned: true,
                 pause_ticks: PAUSE_TICKS,
                 ..Manoeuvre::default()
@@ -126,18 +142,39 @@ impl Manoeuvre {
         (twist, ahead)
     }
 
+    /// Cost of the way between two places where every point of it is free.
+    pub fn cost_m(car: &Car, from: &Place, to: &Place, room: &Room<'_>) -> Option<f64> {
+        let radius_m = car.planned_radius_m();
+        let stays = |path: &Path| car.stays(path, &|origin| room.holds(origin));
+        let found = reeds_shepp::allowed_path(&car.axle(from), &car.axle(to), radius_m, &stays);
+        found.map(|path| path.cost_m(radius_m))
+    }
+
+    /// Whether what is left of the path leads where the robot may not be.
+    pub fn is_blocked(&self, car: &Car, room: &Room<'_>) -> bool {
+        let pieces = self.path.pieces();
+        let left = pieces.iter().enumerate().skip(usize::from(self.index));
+        let mut points = left.flat_map(|(at, piece)| {
+            let from_m = if at == usize::from(self.index) {
+                self.driven_m
+            } else {
+                0.0
+            };
+            (1..=SAMPLES).map(move |k| piece.at(from_m + (piece.length_m - from_m) * f64::from(k) / f64::from(SAMPLES)))
+        });
+        self.planned && points.any(|axle| !room.holds(car.origin_m(&axle)))
+    }
+
     /// The yaw, of eight around that of the robot, with which `goal_m` is reached most cheaply.
     pub fn best_yaw_rad(car: &Car, here: &Place, goal_m: Vector) -> f64 {
-        let radius_m = RADIUS_SHARE * car.turning_radius_m;
+        let radius_m = car.planned_radius_m();
         let mut best = (f64::INFINITY, here.yaw_rad);
         for turn in YAWS_RAD {
             let goal = Place {
                 place_m: goal_m,
                 yaw_rad: wrap(here.yaw_rad + turn),
             };
-            let path = reeds_shepp::path(&car.axle(here), &car.axle(&goal), radius_m, &|path| {
-                car.stays_inside(path)
-            });
+            let path = reeds_shepp::path(&car.axle(here), &car.axle(&goal), radius_m, &|_| true);
             let cost_m = path.cost_m(radius_m);
             if cost_m < best.0 {
                 best = (cost_m, goal.yaw_rad);

@@ -8,6 +8,7 @@ mod circulation;
 mod consensus;
 mod corner;
 mod coverage;
+mod detour;
 mod driver;
 mod fault;
 mod formation;

@@ -48,6 +48,16 @@ impl Path {
 
 /// The cheapest path between two places among those that `allowed` accepts, else among all.
 pub fn path(from: &Place, to: &Place, radius_m: f64, allowed: &dyn Fn(&Path) -> bool) -> Path {
+    best(from, to, radius_m, allowed).map_or(Path::default(), |(_, found)| found)
+}
+
+/// The cheapest path between two places among those that `allowed` accepts.
+pub fn allowed_path(from: &Place, to: &Place, radius_m: f64, allowed: &dyn Fn(&Path) -> bool) -> Option<Path> {
+    best(from, to, radius_m, allowed).and_then(|(is_allowed, found)| is_allowed.then_some(found))
+}
+
+/// The cheapest path and whether `allowed` accepts it; one that it accepts comes before all others.
+fn best(from: &Place, to: &Place, radius_m: f64, allowed: &dyn Fn(&Path) -> bool) -> Option<(bool, Path)> {
     let [x, y] = body_from_world(sub(to.place_m, from.place_m), from.yaw_rad);
     let goal = [x / radius_m, y / radius_m, wrap(to.yaw_rad - from.yaw_rad)];
     let mut best: Option<(bool, f64, Path)> = None;
@@ -56,18 +66,20 @@ pub fn path(from: &Place, to: &Place, radius_m: f64, allowed: &dyn Fn(&Path) -> 
             let Some(found) = candidate(word, variant, goal, from, radius_m) else {
                 continue;
             };
-            let (inside, cost_m) = (allowed(&found), found.cost_m(radius_m));
-            let better = best.is_none_or(|(was_inside, least_m, _)| match (inside, was_inside) {
-                (true, false) => true,
-                (false, true) => false,
-                _ => cost_m < least_m - 1e-9,
-            });
-            if better {
+            let cost_m = found.cost_m(radius_m);
+            let cheaper = best.is_none_or(|(_, least_m, _)| cost_m < least_m - 1e-9);
+            let was_inside = best.is_some_and(|(was_inside, ..)| was_inside);
+            // Whether it is allowed takes most of the time, and no longer counts for one that is dearer than an allowed one.
+            if was_inside && !cheaper {
+                continue;
+            }
+            let inside = allowed(&found);
+            if (inside && !was_inside) || (inside == was_inside && cheaper) {
                 best = Some((inside, cost_m, found));
             }
         }
     }
-    best.map_or(Path::default(), |(_, _, found)| found)
+    best.map(|(inside, _, found)| (inside, found))
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -4,6 +4,7 @@ use super::archives;
 use super::error::AppError;
 use super::files::stale_epoch;
 use crate::state::AppState;
+use crate::stop_pages;
 use api::lab::{
     Assignment, ClaimRequest, Heartbeat, HeartbeatReply, LabDescription, LabStatus, SalvageReport, Side, StateReport,
 };
@@ -25,6 +26,13 @@ const POLL: Duration = Duration::from_millis(500);
 pub async fn register(state: &AppState, lab: &LabDescription) -> Result<(), AppError> {
     if lab.format != "robopheus.lab/1" {
         return Err(invalid("format", &lab.format, "`robopheus.lab/1`"));
+    }
+    if let Some(problem) = lab.stop_url.as_deref().and_then(stop_pages::problem) {
+        return Err(AppError::Invalid {
+            code: "invalid_request",
+            detail: problem.message.clone(),
+            errors: vec![problem],
+        });
     }
     for (index, robot) in lab.robots.iter().enumerate() {
         let name = &robot.description.name;

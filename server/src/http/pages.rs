@@ -1,6 +1,7 @@
 //! The dashboard's files: `index.html`, the worker and the bundles.
 
 use super::file_reply::FileReply;
+use super::headers;
 use super::problem::no_such_route;
 use crate::state::AppState;
 use axum::extract::{Request, State};
@@ -35,6 +36,11 @@ pub async fn serve(State(state): State<AppState>, request: Request) -> Response 
             response
                 .headers_mut()
                 .append(header::VARY, HeaderValue::from_static("accept-encoding"));
+            if relative == "index.html" {
+                // The button of the protective stop calls the laboratories themselves.
+                let policy = headers::content_security_policy(&state.stop_origins().await);
+                response.headers_mut().insert(header::CONTENT_SECURITY_POLICY, policy);
+            }
             response
         }
         None => not_found(),

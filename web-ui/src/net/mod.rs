@@ -30,6 +30,8 @@ pub fn route(request: &Request) -> (&'static str, String) {
         Request::Diagnosis(id, verb) => ("POST", format!("{BASE_PATH}/diagnoses/{id}/{verb}")),
         Request::ChooseModel(robot) => ("PUT", format!("{BASE_PATH}/robots/{}/model", escaped(robot))),
         Request::Versions(robot) => ("GET", format!("{BASE_PATH}/models?robot={}", escaped(robot))),
+        // Not through the service: it works while that does not.
+        Request::Stop(page) => ("POST", format!("{page}stop")),
         Request::Compare => ("POST", format!("{BASE_PATH}/models/compare")),
         Request::KeepReferences(robot) => ("PUT", format!("{BASE_PATH}/robots/{}/references", escaped(robot))),
     }

@@ -84,6 +84,7 @@ fn navigation(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette
                     output.on_click("nav.theme", &response, Command::ToggleTheme);
                     ui.add_space(theme::GAP);
                     connection(ui, state, palette);
+                    stop(ui, state, output, palette);
                 });
             });
         });
@@ -117,6 +118,29 @@ fn tab(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette, numbe
     output.mark(format!("nav.{}", page.name()), &response);
     if response.on_hover_text(format!("Key {number}")).clicked() {
         output.send(Command::ShowPage(page));
+    }
+}
+
+/// The protective stop, on every page; pressed, the way to where it is cleared.
+fn stop(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) {
+    if state.lab.stop_pages().next().is_none() {
+        return;
+    }
+    ui.add_space(theme::GAP);
+    let red = |text: &str| {
+        let text = RichText::new(text).strong().color(palette.on_accent);
+        Button::new(text)
+            .fill(palette.error)
+            .min_size(vec2(0.0, NAV_HEIGHT - 18.0))
+    };
+    if let Some(page) = state.lab.stopped() {
+        let hint = "The protective stop is pressed: no robot moves. It is cleared on the laboratory's own page, by somebody who sees the floor.";
+        let response = ui.add(red("Robots stopped \u{2026}")).on_hover_text(hint);
+        output.on_click("nav.stopped", &response, Command::OpenStopPage(page.to_owned()));
+    } else {
+        let hint = "Protective stop: all robots brake at once and stay still, and the run ends. This goes to the laboratory itself, not through the service.";
+        let response = ui.add(red("Stop robots")).on_hover_text(hint);
+        output.on_click("nav.stop", &response, Command::StopRobots);
     }
 }
 

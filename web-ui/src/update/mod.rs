@@ -9,6 +9,7 @@ mod polling;
 pub mod program;
 mod refusal;
 mod run;
+mod stop;
 pub use compose::{DURATION_S, document_json, field_problems, submit_obstacle};
 pub use gap::start_obstacle;
 pub use models::{compare_obstacle, compared, run_of as compared_run, shown, use_obstacle};
@@ -63,6 +64,8 @@ pub fn command(state: &mut State, command: Command) -> Vec<Effect> {
         Command::Download { url, file_name } => vec![Effect::Download { url, file_name }],
         Command::Gap(command) => gap::command(state, command),
         Command::Models(command) => models::command(state, command),
+        Command::StopRobots => stop::press(state),
+        Command::OpenStopPage(page) => vec![Effect::OpenBeside(page)],
         Command::Program(command) => program::command(state, command),
         Command::ChooseLaw(law) => {
             program::choose_law(state, law);
@@ -143,6 +146,11 @@ fn follow_address(state: &mut State, text: &str) -> Vec<Effect> {
 
 fn take_answer(state: &mut State, request: Request, answer: Answer) -> Vec<Effect> {
     state.service.pending_since_s.remove(&request);
+    if let Request::Stop(page) = &request {
+        // A laboratory's answer says nothing about the service.
+        stop::answered(state, page, answer);
+        return Vec::new();
+    }
     let reachable = answer.as_ref().is_ok_and(|a| !matches!(a.status, 502..=504));
     if state.service.reachable == Some(true) && !reachable {
         error(
@@ -212,3 +220,5 @@ mod tests_gap;
 mod tests_models;
 #[cfg(test)]
 mod tests_program;
+#[cfg(test)]
+mod tests_stop;

@@ -104,7 +104,8 @@ pub fn answered(state: &mut State, request: Request, answer: Answer) {
         | Request::Diagnosis(..)
         | Request::ChooseModel(_)
         | Request::KeepReferences(_)
-        | Request::Compare => {}
+        | Request::Compare
+        | Request::Stop(_) => {}
     }
 }
 

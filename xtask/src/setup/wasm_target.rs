@@ -50,19 +50,34 @@ impl WasmToolchain {
 
     /// `cargo build --target wasm32-unknown-unknown` with nothing of the native build's settings.
     pub fn cargo_build(&self) -> Command {
+        self.cargo_build_for(WASM_TRIPLE, "std,panic_abort")
+    }
+
+    /// Whether [`Self::cargo_build_for`] has, or makes, the core library of a target.
+    pub fn has_core_of(&self, triple: &str) -> bool {
+        match self {
+            Self::Rustup => library_is_there(triple, "libcore-"),
+            Self::Debian { .. } => true,
+        }
+    }
+
+    /// `cargo build` for another target, with nothing of the native build's settings.
+    ///
+    /// - `libraries`: of Rust itself, made from source where the toolchain has none for the target.
+    pub fn cargo_build_for(&self, triple: &str, libraries: &str) -> Command {
         let mut command = match self {
             Self::Rustup => run::cargo(["build"]),
             Self::Debian { cargo, rustc, linker } => {
                 let mut command = run::command(cargo);
                 foreign(&mut command);
-                command.arg("build").arg("-Zbuild-std=std,panic_abort");
-                // Only this one build may use unstable switches.
+                command.arg("build").arg(format!("-Zbuild-std={libraries}"));
+                // Only these builds may use unstable switches.
                 command.env("RUSTC_BOOTSTRAP", "1").env("RUSTC", rustc);
                 command.env("CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_LINKER", linker);
                 command
             }
         };
-        command.args(["--locked", "--target", WASM_TRIPLE]);
+        command.args(["--locked", "--target", triple]);
         without_native_flags(&mut command);
         command
     }
@@ -102,13 +117,13 @@ pub fn find() -> Result<WasmToolchain, Missing> {
     if env::var(CHOICE).is_ok_and(|choice| choice == "debian") {
         return debian().ok_or_else(lack);
     }
-    if target_is_installed() {
+    if library_is_there(WASM_TRIPLE, "libstd-") {
         return Ok(WasmToolchain::Rustup);
     }
     if let Some(found) = debian() {
         return Ok(found);
     }
-    if rustup_adds_target() && target_is_installed() {
+    if rustup_adds_target() && library_is_there(WASM_TRIPLE, "libstd-") {
         return Ok(WasmToolchain::Rustup);
     }
     Err(lack())
@@ -122,16 +137,17 @@ fn lack() -> Missing {
     }
 }
 
-fn target_is_installed() -> bool {
-    let folder = run::read(run::command("rustc").args(["--print", "target-libdir", "--target", WASM_TRIPLE]));
-    folder.is_ok_and(|folder| holds_std(Path::new(folder.trim())))
+/// Whether the running toolchain has a library (`libstd-`, `libcore-`) of a target.
+fn library_is_there(triple: &str, library: &str) -> bool {
+    let folder = run::read(run::command("rustc").args(["--print", "target-libdir", "--target", triple]));
+    folder.is_ok_and(|folder| holds(Path::new(folder.trim()), library))
 }
 
-fn holds_std(folder: &Path) -> bool {
+fn holds(folder: &Path, library: &str) -> bool {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     entries
         .into_iter()
-        .any(|entry| entry.file_name().to_string_lossy().starts_with("libstd-"))
+        .any(|entry| entry.file_name().to_string_lossy().starts_with(library))
 }
 
 fn debian() -> Option<WasmToolchain> {
@@ -238,7 +254,7 @@ mod tests {
 
     #[test]
     fn a_folder_without_a_standard_library_is_no_target() {
-        assert!(!holds_std(Path::new("/nonexistent")));
-        assert!(!holds_std(Path::new("/etc")));
+        assert!(!holds(Path::new("/nonexistent"), "libstd-"));
+        assert!(!holds(Path::new("/etc"), "libstd-"));
     }
 }
