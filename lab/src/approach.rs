@@ -138,6 +138,7 @@ pub fn is_at_start(seen: &Pose, start: &Pose) -> bool {
         y_m: seen.y_m,
         yaw_rad: seen.yaw_rad,
         velocity: None,
+        spread: None,
     };
     prepare::is_at(&seen, start)
 }

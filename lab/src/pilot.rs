@@ -271,6 +271,7 @@ impl Pilot {
                 y_m: pose.y_m,
                 yaw_rad: pose.yaw_rad,
                 accepted: belief == Belief::Accepted,
+                spread: pose.spread,
             }));
         }
     }

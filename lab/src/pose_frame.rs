@@ -30,4 +30,6 @@ pub struct SeenPose {
     pub yaw_rad: f64,
     /// Velocity in the world at the exposure, m/s, m/s, rad/s, where all cameras together tell it.
     pub velocity: Option<[f64; 3]>,
+    /// Standard deviations of place (its most uncertain direction) and yaw, m and rad, of all cameras together at the exposure.
+    pub spread: Option<[f64; 2]>,
 }

@@ -121,6 +121,10 @@ pub struct Pose {
     pub yaw_rad: f64,
     /// False when the estimator did not believe it.
     pub accepted: bool,
+    /// Standard deviations of place (its most uncertain direction) and yaw of the cameras' fused pose at the exposure, m and rad;
+    /// none of poses that cameras do not fuse.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub spread: Option<[f64; 2]>,
 }
 
 /// Name of the camera, shared rather than copied: it goes through the control loop.

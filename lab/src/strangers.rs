@@ -181,6 +181,7 @@ mod tests {
             y_m: 0.5,
             yaw_rad: 0.0,
             velocity,
+            spread: None,
         }
     }
 

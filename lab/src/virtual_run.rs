@@ -126,6 +126,7 @@ impl VirtualRun {
                 y_m: state.pose.y_m,
                 yaw_rad: twin::pose::wrapped_rad(state.pose.yaw_rad),
                 accepted: true,
+                spread: None,
             }));
         }
     }

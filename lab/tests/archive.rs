@@ -186,6 +186,15 @@ fn mcap_holds_poses_transforms_commands_interventions_and_log_at_wall_times() {
     let count = |topic: &str| topics.get(topic).map_or(0, Vec::len) as i64;
     assert_eq!(count("/robots/omni-01/pose"), TICKS);
     assert_eq!(count("/tf"), 2 * TICKS);
+    assert_eq!(count("/robots/omni-01/pose_quality"), TICKS);
+    let quality: serde_json::Value =
+        serde_json::from_slice(&topics["/robots/omni-01/pose_quality"][0].data).expect("json");
+    assert_eq!(quality["accepted"], true);
+    assert_eq!(quality["age_us"], 8100);
+    assert_eq!(
+        (&quality["position_sigma_m"], &quality["yaw_sigma_rad"]),
+        (&serde_json::json!(0.0004), &serde_json::json!(0.001))
+    );
     assert_eq!(count("/robots/diff-01/command"), TICKS);
     assert_eq!(count("/robots/diff-01/telemetry"), TICKS);
     assert_eq!((count("/safety"), count("/log"), count("/controller/notes")), (1, 2, 1));

@@ -390,3 +390,24 @@ fn settings_outside_their_limits_are_refused_by_field() {
     assert_eq!(refused(|s| s.gate = f64::NAN), "gate");
     assert_eq!(refused(|s| s.lost_after_us = 0), "lost_after_us");
 }
+
+#[test]
+fn the_spread_is_that_of_the_most_uncertain_direction() {
+    let pose = WorldPose {
+        robot: 1,
+        time_us: 0,
+        age_us: 0,
+        x_m: 0.0,
+        y_m: 0.0,
+        yaw_rad: 0.0,
+        vx_m_per_s: 0.0,
+        vy_m_per_s: 0.0,
+        yaw_rate_rad_per_s: 0.0,
+        // Along the diagonal 6e-6, across it 2e-6 m^2.
+        covariance: [[4e-6, 2e-6, 0.0], [2e-6, 4e-6, 0.0], [0.0, 0.0, 9e-6]],
+        velocity_variance: [0.0; 3],
+        camera: 0,
+    };
+    let [place_m, yaw_rad] = pose.spread();
+    assert!((place_m - 6e-6_f64.sqrt()).abs() < 1e-12 && (yaw_rad - 3e-3).abs() < 1e-12);
+}

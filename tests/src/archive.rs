@@ -19,6 +19,8 @@ pub struct ParquetSummary {
     pub columns: Vec<String>,
     /// Rows in which a command was sent.
     pub commands: usize,
+    /// Time of the last of those, s since the start of the motion.
+    pub last_command_s: f64,
 }
 
 impl Archive {
@@ -87,8 +89,23 @@ impl Archive {
                 .column_by_name("command_wheel_0_rad_per_s")
                 .map_or(0, |c| c.len() - c.null_count())
         };
-        use arrow_array::Array;
+        use arrow_array::{Array, Float64Array};
+        let last_command_s = |batch: &RecordBatch| {
+            let times = batch
+                .column_by_name("time_s")?
+                .as_any()
+                .downcast_ref::<Float64Array>()?;
+            let wheel = batch.column_by_name("command_wheel_0_rad_per_s")?;
+            (0..times.len())
+                .rev()
+                .find(|row| wheel.is_valid(*row))
+                .map(|row| times.value(row))
+        };
         Ok(ParquetSummary {
+            last_command_s: batches
+                .iter()
+                .filter_map(last_command_s)
+                .fold(f64::NEG_INFINITY, f64::max),
             rows: batches.iter().map(RecordBatch::num_rows).sum(),
             columns,
             commands: batches.iter().map(command).sum(),

@@ -23,6 +23,8 @@ const CHUNK_BYTES: u64 = 512 << 10;
 struct RobotChannels {
     name: String,
     pose: Channel,
+    /// Age and spread of every pose, believed or not.
+    quality: Channel,
     command: Channel,
     telemetry: Channel,
     /// The virtual robot.
@@ -86,6 +88,7 @@ impl McapFile {
             "robopheus.ControllerNotes",
             include_str!("schemas/controller_notes.json"),
         )?;
+        let quality = schema("robopheus.PoseQuality", include_str!("schemas/pose_quality.json"))?;
         let mut channel = |schema, topic: &str| {
             writer
                 .add_channel(schema, topic, "json", &BTreeMap::new())
@@ -96,6 +99,7 @@ impl McapFile {
             let name = robot.description.name.clone();
             let channels = RobotChannels {
                 pose: channel(pose, &format!("/robots/{name}/pose"))?,
+                quality: channel(quality, &format!("/robots/{name}/pose_quality"))?,
                 command: channel(command, &format!("/robots/{name}/command"))?,
                 telemetry: channel(telemetry, &format!("/robots/{name}/telemetry"))?,
                 shadow: channel(pose, &format!("/virtual/{name}/pose"))?,
@@ -131,11 +135,16 @@ impl McapFile {
             controller,
         } = self;
         match record {
-            Record::Pose(pose) if pose.accepted => {
+            Record::Pose(pose) => {
                 let Some(robot) = robots.get_mut(&pose.robot) else {
                     return Ok(());
                 };
                 let (exposure_ns, arrival_ns) = (clock.ns(pose.exposure_us), clock.ns(pose.arrival_us));
+                let quality = pose_quality(pose);
+                write(writer, &mut robot.quality, [arrival_ns, exposure_ns], &quality)?;
+                if !pose.accepted {
+                    return Ok(());
+                }
                 write(
                     writer,
                     &mut robot.pose,
@@ -244,6 +253,17 @@ fn pose_in_frame([x_m, y_m, yaw_rad]: [f64; 3], ns: u64) -> Value {
         "timestamp": timestamp(ns),
         "frame_id": WORLD_FRAME,
         "pose": {"position": {"x": x_m, "y": y_m, "z": 0.0}, "orientation": quaternion(yaw_rad)},
+    })
+}
+
+fn pose_quality(pose: &Pose) -> Value {
+    let [position_sigma_m, yaw_sigma_rad] = pose.spread.map_or([None; 2], |spread| spread.map(Some));
+    json!({
+        "camera": &*pose.camera,
+        "accepted": pose.accepted,
+        "age_us": pose.arrival_us - pose.exposure_us,
+        "position_sigma_m": position_sigma_m,
+        "yaw_sigma_rad": yaw_sigma_rad,
     })
 }
 

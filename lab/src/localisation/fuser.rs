@@ -104,7 +104,10 @@ impl Fuser {
                     x_m: pose.x_m,
                     y_m: pose.y_m,
                     yaw_rad: pose.yaw_rad,
-                    velocity: fused.map(|fused| [fused.vx_m_per_s, fused.vy_m_per_s, fused.yaw_rate_rad_per_s]),
+                    velocity: fused
+                        .as_ref()
+                        .map(|fused| [fused.vx_m_per_s, fused.vy_m_per_s, fused.yaw_rate_rad_per_s]),
+                    spread: fused.map(|fused| fused.spread()),
                 })
             });
             seen.collect()

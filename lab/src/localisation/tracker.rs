@@ -52,6 +52,7 @@ fn frame(line: &[u8], camera: &mut CameraName) -> io::Result<PoseFrame> {
         y_m: pose.y_m,
         yaw_rad: pose.yaw_rad,
         velocity: None,
+        spread: None,
     };
     Ok(PoseFrame {
         frame: parsed.frame,

@@ -49,6 +49,16 @@ pub struct WorldPose {
     pub camera: u16,
 }
 
+impl WorldPose {
+    /// Standard deviations: of the place along its most uncertain direction, m, and of the yaw, rad.
+    pub fn spread(&self) -> [f64; 2] {
+        let [[xx, xy, _], [_, yy, _], [.., yaw]] = self.covariance;
+        let (mean, half) = (0.5 * (xx + yy), 0.5 * (xx - yy));
+        let largest = mean + half.hypot(xy);
+        [largest.max(0.0).sqrt(), yaw.max(0.0).sqrt()]
+    }
+}
+
 /// What became of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Admission {

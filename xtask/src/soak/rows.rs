@@ -54,6 +54,7 @@ pub const ROWS: &[Row] = &[
     drill("S9", "deadlock"),
     ignored("S10", "system-tests", "protective_stop", "five_hundred_presses"),
     drill("S11", "agent"),
+    ignored("S11-kill", "system-tests", "kill", "the_laboratory_dies_twenty_times"),
     ignored(
         "S12",
         "system-tests",
