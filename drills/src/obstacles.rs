@@ -101,6 +101,12 @@ mod tests {
         assert!(table::print(&run(0, 24, 1, 2).expect("runs")));
     }
 
+    /// Two robots without a solution in this run: the one ahead braked harder than the one behind it, which turned, and was touched.
+    #[test]
+    fn robots_that_slow_down_together_do_not_run_into_each_other() {
+        assert!(table::print(&run(2_421, 1, 1, 1).expect("runs")));
+    }
+
     #[test]
     fn obstacles_and_walkers_are_clear_of_where_robots_start() {
         let (mut obstacles, mut walking) = (0, 0);

@@ -73,6 +73,10 @@ pub struct SafetyFilter {
     stops: Vec<Option<Cause>>,
     /// Stopping along a deceleration, not at once.
     slowing: Vec<bool>,
+    /// Which of those slow down together.
+    together: Groups,
+    /// Share of its last command that each of them keeps in this tick.
+    kept: Vec<f64>,
     swung: Vec<bool>,
     steered_out: Vec<bool>,
     listing: Listing,
@@ -144,6 +148,8 @@ impl SafetyFilter {
             numbers: vec![[0.0; 3]; n],
             stops: vec![None; n],
             slowing: vec![false; n],
+            together: Groups::new(n),
+            kept: vec![0.0; n],
             swung: vec![false; n],
             steered_out: vec![false; n],
             groups: Groups::new(n),
@@ -308,8 +314,11 @@ impl SafetyFilter {
             return &self.filtered;
         }
         for i in 0..self.chassis.len() {
+            self.kept[i] = self.kept_among(i, |_| true);
+        }
+        for i in 0..self.chassis.len() {
             let before = self.filtered[i].command.twist;
-            let command = self.decelerated(i);
+            let command = self.slower(i);
             self.send(i, command);
             let intervention = Some(record(Cause::Late, before, command.twist, Strongest::NONE));
             self.filtered[i] = Filtered { command, intervention };
@@ -330,6 +339,7 @@ impl SafetyFilter {
     /// Lists and solves until no group fails; each failure stops robots.
     fn solve(&mut self) {
         self.steps = 0;
+        self.together.reset();
         for round in 0..=MAX_ROUNDS {
             let robots = Robots {
                 places: &self.places,
@@ -443,6 +453,7 @@ impl SafetyFilter {
                 self.halt(self.members[k] as usize, cause);
             }
         }
+        self.slow_together();
         false
     }
 
@@ -451,7 +462,27 @@ impl SafetyFilter {
         self.places[i].movable = false;
         self.stops[i].get_or_insert(cause);
         self.slowing[i] = true;
-        let twist = self.decelerated(i).twist;
+    }
+
+    /// How much of their commands the robots that slow down keep, and what the rows of the others count on.
+    fn slow_together(&mut self) {
+        for row in &self.listing.rows[..self.listing.shared] {
+            let [a, b] = row.robots.map(|robot| robot as usize);
+            if row.robots[1] != NOBODY && self.slowing[a] && self.slowing[b] {
+                self.together.join(a, b);
+            }
+        }
+        for i in 0..self.chassis.len() {
+            if self.slowing[i] {
+                let group = self.together.of(i);
+                self.kept[i] = self.kept_among(i, |k| self.slowing[k] && self.together.of(k) == group);
+                self.expect_slower(i);
+            }
+        }
+    }
+
+    fn expect_slower(&mut self, i: usize) {
+        let twist = self.slower(i).twist;
         self.numbers[i] = self.chassis[i].numbers(&twist);
         let curvature = if twist.forward_m_per_s == 0.0 {
             0.0
@@ -462,12 +493,34 @@ impl SafetyFilter {
         self.places[i].commanded = self.places[i].world_from_body(body);
     }
 
-    /// The last command, slower by the stopping deceleration.
-    fn decelerated(&self, i: usize) -> SafeCommand {
+    /// Share of its last command that a robot keeps which slows down among others.
+    ///
+    /// It is the same for all as far as it can be, so that they come to rest together and the speed at which two of them
+    /// approach shrinks with theirs: one that brakes harder than the one behind it would be run into. The fastest rim
+    /// among them decelerates by the stopping deceleration, and every rim at least by the braking that the rows count on.
+    fn kept_among(&self, i: usize, belongs: impl Fn(usize) -> bool) -> f64 {
+        let rim_m_per_s = |k: usize| {
+            let last = self.filtered[k].command.twist;
+            last.speed_m_per_s() + self.radii_m[k] * last.yaw_rate_rad_per_s.abs()
+        };
+        let kept = |deceleration_m_per_s2: f64, rim_m_per_s: f64| {
+            let change = deceleration_m_per_s2 * TICK_S;
+            if rim_m_per_s > change { 1.0 - change / rim_m_per_s } else { 0.0 }
+        };
+        let others = (0..self.chassis.len()).filter(|k| belongs(*k));
+        let fastest = others.map(rim_m_per_s).fold(0.0, f64::max);
+        let Limits {
+            stopping_m_per_s2,
+            braking_m_per_s2,
+            ..
+        } = self.limits;
+        kept(stopping_m_per_s2.max(braking_m_per_s2), fastest).min(kept(braking_m_per_s2, rim_m_per_s(i)))
+    }
+
+    /// The last command, as much of it as is kept.
+    fn slower(&self, i: usize) -> SafeCommand {
         let last = self.filtered[i].command.twist;
-        let size = last.speed_m_per_s() + self.radii_m[i] * last.yaw_rate_rad_per_s.abs();
-        let change = self.limits.stopping_m_per_s2.max(self.limits.braking_m_per_s2) * TICK_S;
-        let factor = if size > change { 1.0 - change / size } else { 0.0 };
+        let factor = self.kept[i];
         let twist = BodyTwist {
             forward_m_per_s: last.forward_m_per_s * factor,
             left_m_per_s: last.left_m_per_s * factor,

@@ -48,7 +48,7 @@ impl SafetyFilter {
         let command = if self.places[i].movable {
             self.driving(i)
         } else if self.slowing[i] {
-            self.decelerated(i)
+            self.slower(i)
         } else {
             stop_holding(self.steering_rad[i])
         };
@@ -71,7 +71,8 @@ impl SafetyFilter {
         }
         self.stops[i].get_or_insert(Cause::NotConverged);
         self.places[i].movable = false;
-        self.decelerated(i)
+        self.kept[i] = self.kept_among(i, |k| k == i);
+        self.slower(i)
     }
 
     /// Remembers what a robot is told.
