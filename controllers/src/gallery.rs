@@ -51,6 +51,9 @@ pub const SCRIPTS: [Example; 6] = [
     },
 ];
 
+/// A network of six weights that goes to a point, with its manifest; `examples/policies/go_to_point.py` makes the like.
+pub const POLICY: &[u8] = include_bytes!("../gallery/go_to_point.onnx");
+
 /// `go_to_point.wat`, assembled.
 pub const MODULE: &[u8] = include_bytes!("../gallery/go_to_point.wasm");
 
@@ -66,7 +69,7 @@ pub fn scenario_json(source: &Source, duration_s: f64) -> String {
         .and_then(|text| serde_json::from_str(&text).ok())
         .unwrap_or_default();
     let program = match source {
-        Source::Script(text) | Source::Module(text) => text,
+        Source::Script(text) | Source::Module(text) | Source::Policy(text) => text,
     };
     let name = |robot: usize| scenario["experiment"]["robots"][robot]["name"].clone();
     let targets: Vec<Value> = [[0.6, 0.9], [-1.2, -0.7], [1.3, -0.6]]
@@ -91,7 +94,8 @@ pub fn digests() -> BTreeMap<String, String> {
                 Source::Script(example.script.into()),
             )
         })
-        .chain([("module go_to_point".to_owned(), Source::module(MODULE))]);
+        .chain([("module go_to_point".to_owned(), Source::module(MODULE))])
+        .chain([("policy go_to_point".to_owned(), Source::policy(POLICY))]);
     for (name, source) in sources {
         let outcome = rehearse_json(&scenario_json(&source, 8.0));
         all.insert(name, outcome.map_or(String::new(), |outcome| outcome.verdict.digest));

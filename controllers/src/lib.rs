@@ -5,7 +5,7 @@
 //!                        ^ View (poses, twists, ranges, targets)
 //! ```
 //!
-//! A program is a script (rhai) or a core WebAssembly module (wasmi). What it may use is counted, never timed, so that the
+//! A program is a script (rhai), a core WebAssembly module (wasmi) or a trained network (ONNX, [`policy`]). What it may use is counted, never timed, so that the
 //! same program comes to the same end at the same tick natively and in the browser: operations and fuel, stack, memory, log
 //! and drawings ([`limits`]). What goes wrong is a [`control::law::Fault`] and the robots stop. Pure: no input or output, no
 //! clock, no randomness. How to write one: `docs/controllers.md`.
@@ -17,6 +17,7 @@ pub mod law;
 pub mod limits;
 mod maths;
 mod module;
+pub mod policy;
 pub mod program;
 pub mod ranges;
 mod script;

@@ -37,6 +37,15 @@ pub const MODULE_CALL_DEPTH: usize = 1_000;
 /// Entries of the table.
 pub const MODULE_TABLE_ENTRIES: usize = 10_000;
 
+/// Multiplications and additions of a policy's network for the whole team in one tick; a step of `Tanh`, `Sigmoid` and their
+/// like counts as [`CURVE_OPERATIONS`].
+pub const POLICY_OPERATIONS: u64 = 1_000_000;
+pub const CURVE_OPERATIONS: u64 = 20;
+/// Nodes of its graph.
+pub const POLICY_NODES: usize = 256;
+/// Most values that one node gives.
+pub const POLICY_WIDTH: usize = 4_096;
+
 /// Log of one tick, control characters left out.
 pub const LOG_BYTES_PER_TICK: usize = 64 * 1024;
 /// Log of a whole run; what is beyond is left out.

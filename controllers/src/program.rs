@@ -4,6 +4,7 @@ use control::law::Fault;
 
 use crate::answer::Answer;
 use crate::module::ModuleProgram;
+use crate::policy::PolicyProgram;
 use crate::script::ScriptProgram;
 use crate::source::Source;
 use crate::view::{Setup, View};
@@ -30,6 +31,7 @@ pub fn compile(source: &Source, setup: &Setup) -> Result<Box<dyn Program>, Fault
     let bytes = source.bytes()?;
     Ok(match source {
         Source::Script(text) => Box::new(ScriptProgram::new(text, setup)?),
+        Source::Policy(_) => Box::new(PolicyProgram::new(&bytes, setup)?),
         Source::Module(_) => Box::new(ModuleProgram::new(&bytes, setup)?),
     })
 }

@@ -2,7 +2,7 @@
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
-use control::law::own::{MAX_MODULE_BYTES, MAX_SCRIPT_BYTES, MODULE, SCRIPT};
+use control::law::own::{MAX_MODULE_BYTES, MAX_POLICY_BYTES, MAX_SCRIPT_BYTES, MODULE, POLICY, SCRIPT};
 use control::law::{Fault, FaultKind};
 use control::scenario::Control;
 use serde::{Deserialize, Serialize};
@@ -16,6 +16,8 @@ pub enum Source {
     Script(String),
     /// A WebAssembly module in base64.
     Module(String),
+    /// A trained network, an ONNX file in base64.
+    Policy(String),
 }
 
 impl Source {
@@ -25,6 +27,7 @@ impl Source {
         text(SCRIPT)
             .map(Source::Script)
             .or_else(|| text(MODULE).map(Source::Module))
+            .or_else(|| text(POLICY).map(Source::Policy))
     }
 
     /// A module from its bytes.
@@ -32,17 +35,24 @@ impl Source {
         Source::Module(STANDARD.encode(bytes))
     }
 
-    /// Bytes of the script or the module.
+    /// A policy from the bytes of its ONNX file.
+    pub fn policy(bytes: &[u8]) -> Source {
+        Source::Policy(STANDARD.encode(bytes))
+    }
+
+    /// Bytes of the program.
     ///
-    /// - Errors: base64 that cannot be read, and programs above [`MAX_SCRIPT_BYTES`] or [`MAX_MODULE_BYTES`].
+    /// - Errors: base64 that cannot be read, and programs above [`MAX_SCRIPT_BYTES`], [`MAX_MODULE_BYTES`] or
+    ///   [`MAX_POLICY_BYTES`].
     pub fn bytes(&self) -> Result<Vec<u8>, Fault> {
+        let decoded = |text: &str, what: &str| {
+            let bytes = STANDARD.decode(text);
+            bytes.map_err(|error| refused(format!("the {what} is not base64: {error}")))
+        };
         let (bytes, most, what) = match self {
             Source::Script(text) => (text.as_bytes().to_vec(), MAX_SCRIPT_BYTES, "script"),
-            Source::Module(text) => {
-                let decoded = STANDARD.decode(text);
-                let bytes = decoded.map_err(|error| refused(format!("the module is not base64: {error}")))?;
-                (bytes, MAX_MODULE_BYTES, "module")
-            }
+            Source::Module(text) => (decoded(text, "module")?, MAX_MODULE_BYTES, "module"),
+            Source::Policy(text) => (decoded(text, "policy")?, MAX_POLICY_BYTES, "policy"),
         };
         if bytes.is_empty() || bytes.len() > most {
             return Err(refused(format!(
@@ -63,6 +73,7 @@ impl Source {
         match self {
             Source::Script(_) => SCRIPT,
             Source::Module(_) => MODULE,
+            Source::Policy(_) => POLICY,
         }
     }
 }

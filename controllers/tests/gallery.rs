@@ -3,7 +3,7 @@
 use control::law::Note;
 use control::scenario::Scenario;
 use controllers::experiment::{rehearsal, rehearse_json};
-use controllers::gallery::{MODULE, SCRIPTS, digests, scenario_json};
+use controllers::gallery::{MODULE, POLICY, SCRIPTS, digests, scenario_json};
 use controllers::source::Source;
 
 fn script(name: &str) -> Source {
@@ -21,10 +21,31 @@ fn the_module_is_the_assembled_text() {
     assert_eq!(assembled, MODULE);
 }
 
+/// A tanh of each of three sums: forward and to the left towards the target, turning until it is ahead.
+fn go_to_point() -> Vec<u8> {
+    let manifest = r#"{"format":"robopheus.policy/1","observation":["goal_forward_m","goal_left_m"],"command":"twist","rate_hz":30,"limits":[0.3,0.3,1.5]}"#;
+    onnx::Sequence::new("observation", 2)
+        .linear(&[2.0, 0.0, 0.0, 0.0, 2.0, 4.0], &[0.0, 0.0, 0.0])
+        .node("Tanh", &[], &[])
+        .constant("scale", &[1, 3], &[0.3, 0.3, 1.5])
+        .node("Mul", &["scale"], &[])
+        .file("command", 3, &[(controllers::policy::KEY, manifest)])
+}
+
+#[test]
+fn the_policy_is_the_one_that_is_built_here() {
+    let built = go_to_point();
+    if std::env::var_os("ROBOPHEUS_WRITE_GALLERY").is_some() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/gallery/go_to_point.onnx");
+        std::fs::write(path, &built).expect("written");
+    }
+    assert_eq!(built, POLICY);
+}
+
 #[test]
 fn every_program_is_accepted() {
     let sources = SCRIPTS.iter().map(|example| (example.name, script(example.name)));
-    for (name, source) in sources.chain([("module", Source::module(MODULE))]) {
+    for (name, source) in sources.chain([("module", Source::module(MODULE)), ("policy", Source::policy(POLICY))]) {
         let outcome =
             rehearse_json(&scenario_json(&source, 20.0)).unwrap_or_else(|problems| panic!("{name}: {problems:#?}"));
         println!("{name}: {}", outcome.verdict.sentence);

@@ -30,7 +30,7 @@ fn field(inbox: &Inbox) -> Option<HtmlInputElement> {
     let field: HtmlInputElement = document.create_element("input").ok()?.dyn_into().ok()?;
     field.set_type("file");
     field.set_id(FIELD);
-    field.set_accept(".wasm,application/wasm");
+    field.set_accept(".wasm,application/wasm,.onnx");
     field.set_hidden(true);
     document.body()?.append_child(&field).ok()?;
     let (to, picked) = (inbox.clone(), field.clone());

@@ -217,6 +217,7 @@ fn document(state: &State) -> serde_json::Value {
     let mut document = serde_json::to_value(&state.compose.experiment).unwrap_or_default();
     if let Some(parameters) = document["control"]["parameters"].as_object_mut() {
         parameters.remove(control::law::own::MODULE);
+        parameters.remove(control::law::own::POLICY);
     }
     document
 }

@@ -30,7 +30,7 @@ const EDGES: &[(&str, &[&str])] = &[
     ),
     ("control", &["twin"]),
     // What users write, as a law.
-    ("controllers", &["control", "twin"]),
+    ("controllers", &["control", "onnx", "twin"]),
     // The laboratory in virtual time: its own code against the plant; for the paper's experiments what learns from its runs, too.
     (
         "drills",
@@ -44,7 +44,8 @@ const EDGES: &[(&str, &[&str])] = &[
         "lab",
         &["api", "control", "learn", "localise", "robot", "sandbox", "twin"],
     ),
-    ("learn", &["bundles", "identify", "twin"]),
+    ("learn", &["bundles", "identify", "onnx", "twin"]),
+    ("onnx", &[]),
     ("localise", &[]),
     ("robot", &[]),
     ("sandbox", &["control", "controllers"]),
@@ -74,7 +75,7 @@ const TEST_EDGES: &[(&str, &[&str])] = &[
     // The emulated plant against the nominal twin.
     ("identify", &["api", "emulator", "robot"]),
     // Hidden plants.
-    ("learn", &["blind", "emulator"]),
+    ("learn", &["blind", "controllers", "emulator"]),
     ("sandbox", &["twin"]),
     ("system-tests", &["control", "controllers", "robot"]),
     // The twin's motor control against the firmware's, bit for bit.
@@ -96,7 +97,7 @@ const OWNERS: &[(&str, &[&str])] = &[
 ];
 
 /// Packages without IO, clock, threads or randomness of their own.
-const PURE: &[&str] = &["control", "controllers", "identify", "robot", "twin"];
+const PURE: &[&str] = &["control", "controllers", "identify", "onnx", "robot", "twin"];
 
 /// What a pure package may not be linked with, not even through others.
 const IMPURE: &[&str] = &[

@@ -5,14 +5,14 @@
 //! outputs]`: m/s^2 and rad/s^2 in the document's order. Names, units, validity and where the numbers came from stand in
 //! `metadata_props`.
 
-pub mod proto;
+pub use onnx as proto;
 
 use prost::Message;
 use serde_json::{Value, json};
 use twin::model_document::ModelDocument;
 use twin::residual::{Activation, INPUTS, Input, OUTPUTS, ResidualDocument};
 
-use proto::{
+use onnx::{
     Attribute, Dimension, Entry, FLOAT, Graph, INT, INTS, Model, Node, OperatorSet, Shape, Tensor, TensorType, Type,
     ValueInfo,
 };
@@ -140,6 +140,7 @@ impl Builder {
             data_type: FLOAT,
             name: name.to_owned(),
             raw_data: values.flat_map(|value| (value as f32).to_le_bytes()).collect(),
+            ..Tensor::default()
         });
         name.to_owned()
     }
@@ -152,6 +153,7 @@ impl Builder {
             name: output.to_owned(),
             op_type: operator.to_owned(),
             attribute,
+            ..Node::default()
         });
         output.to_owned()
     }

@@ -135,12 +135,23 @@ impl Inference {
     ///
     /// - Errors: another width than the model's.
     pub fn run(&mut self, rows: usize, width: usize, inputs: &[f32]) -> Result<Vec<f32>, RuntimeError> {
+        self.run_named([INPUT, OUTPUT], rows, width, inputs)
+    }
+
+    /// [`Self::run`] of a model whose input and output have other names.
+    pub fn run_named(
+        &mut self,
+        [input, output]: [&str; 2],
+        rows: usize,
+        width: usize,
+        inputs: &[f32],
+    ) -> Result<Vec<f32>, RuntimeError> {
         let wrong = |error: ort::Error| RuntimeError::Runtime(error.to_string());
         let tensor = TensorRef::from_array_view(([rows, width], inputs)).map_err(wrong)?;
-        let outputs = self.session.run(ort::inputs![INPUT => tensor]).map_err(wrong)?;
+        let outputs = self.session.run(ort::inputs![input => tensor]).map_err(wrong)?;
         let found = outputs
-            .get(OUTPUT)
-            .ok_or_else(|| RuntimeError::Runtime(format!("no output {OUTPUT:?}")))?;
+            .get(output)
+            .ok_or_else(|| RuntimeError::Runtime(format!("no output {output:?}")))?;
         let (_, values) = found.try_extract_tensor::<f32>().map_err(wrong)?;
         Ok(values.to_vec())
     }

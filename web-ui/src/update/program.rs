@@ -5,7 +5,7 @@ use crate::command::{Effect, ProgramCommand};
 use crate::state::{Mistake, ModuleFile, Side, State, TwinStatus};
 use api::experiment::Experiment;
 use api::problem::FieldProblem;
-use control::law::own::{MAX_MODULE_BYTES, MODULE, SCRIPT};
+use control::law::own::{MAX_MODULE_BYTES, MAX_POLICY_BYTES, MODULE, POLICY, SCRIPT};
 use control::law::{OWN, place_in};
 use controllers::gallery::SCRIPTS;
 use controllers::source::Source;
@@ -13,6 +13,10 @@ use serde_json::{Value, json};
 
 /// First bytes of every WebAssembly file.
 const MAGIC: &[u8] = b"\0asm";
+/// End of the name of a policy's file; ONNX files begin with nothing of their own.
+const POLICY_SUFFIX: &str = ".onnx";
+/// Keys of an experiment's program.
+const PROGRAMS: [&str; 3] = [SCRIPT, MODULE, POLICY];
 /// Length of the name of a number.
 pub const NUMBER_NAME_MAX: usize = 40;
 
@@ -109,7 +113,7 @@ fn is_of_the_gallery(text: &str) -> bool {
 /// Whether a number may be called so.
 pub fn is_name(name: &str) -> bool {
     let plain = |c: char| c.is_ascii_alphanumeric() || c == '_';
-    !name.is_empty() && name.len() <= NUMBER_NAME_MAX && name.chars().all(plain) && name != SCRIPT && name != MODULE
+    !name.is_empty() && name.len() <= NUMBER_NAME_MAX && name.chars().all(plain) && !PROGRAMS.contains(&name)
 }
 
 fn take_example(state: &mut State, place: usize) {
@@ -126,6 +130,7 @@ fn set_script(state: &mut State, text: String) {
     state.compose.program.refusal = None;
     state.compose.program.module = None;
     set(state, MODULE, None);
+    set(state, POLICY, None);
     set(state, SCRIPT, Some(json!(text)));
 }
 
@@ -154,7 +159,7 @@ fn changed(state: &mut State) {
     rehearse_soon(state);
 }
 
-/// A file came from the dialogue: a module takes the script's place, anything else is refused in words.
+/// A file came from the dialogue: a module or a policy takes the script's place, anything else is refused in words.
 pub fn module_picked(state: &mut State, name: String, bytes: Result<Vec<u8>, String>) {
     if !is_own(&state.compose.experiment) {
         return;
@@ -162,11 +167,14 @@ pub fn module_picked(state: &mut State, name: String, bytes: Result<Vec<u8>, Str
     match taken(&name, bytes) {
         Ok((source, file)) => {
             keep(state);
-            let Source::Module(text) = source else { return };
+            let key = source.key();
+            let (Source::Script(text) | Source::Module(text) | Source::Policy(text)) = source;
             state.compose.program.refusal = None;
             state.compose.program.module = Some(file);
-            set(state, SCRIPT, None);
-            set(state, MODULE, Some(json!(text)));
+            for other in PROGRAMS {
+                set(state, other, None);
+            }
+            set(state, key, Some(json!(text)));
         }
         Err(refusal) => state.compose.program.refusal = Some(refusal),
     }
@@ -175,16 +183,26 @@ pub fn module_picked(state: &mut State, name: String, bytes: Result<Vec<u8>, Str
 fn taken(name: &str, bytes: Result<Vec<u8>, String>) -> Result<(Source, ModuleFile), String> {
     let bytes = bytes.map_err(|words| format!("{name} could not be read: {words}."))?;
     let file = format!("{name} ({})", crate::theme::bytes(bytes.len() as i64));
-    if !bytes.starts_with(MAGIC) {
-        return Err(format!("{file} is no WebAssembly module: it does not begin like one."));
-    }
-    if bytes.len() > MAX_MODULE_BYTES {
-        let most = crate::theme::bytes(MAX_MODULE_BYTES as i64);
+    let is_policy = name.to_ascii_lowercase().ends_with(POLICY_SUFFIX);
+    if !is_policy && !bytes.starts_with(MAGIC) {
         return Err(format!(
-            "{file} is too large; a module may have {most}. Build it with optimisation for size."
+            "{file} is no WebAssembly module, it does not begin like one, and no policy, whose name ends with {POLICY_SUFFIX}."
         ));
     }
-    let source = Source::module(&bytes);
+    let (most, what, advice) = if is_policy {
+        (MAX_POLICY_BYTES, "a policy", "Train a smaller network.")
+    } else {
+        (MAX_MODULE_BYTES, "a module", "Build it with optimisation for size.")
+    };
+    if bytes.len() > most {
+        let most = crate::theme::bytes(most as i64);
+        return Err(format!("{file} is too large; {what} may have {most}. {advice}"));
+    }
+    let source = if is_policy {
+        Source::policy(&bytes)
+    } else {
+        Source::module(&bytes)
+    };
     let sha256 = source.sha256().map_err(|fault| fault.to_string())?;
     let file = ModuleFile {
         name: name.to_owned(),
@@ -214,7 +232,7 @@ pub fn judge(state: &mut State) {
 
 fn refused(problem: &FieldProblem) -> Option<Mistake> {
     let field = problem.field.strip_prefix("control.parameters")?;
-    (field.is_empty() || field == ".script" || field == ".module").then(|| Mistake {
+    (field.is_empty() || field == ".script" || field == ".module" || field == ".policy").then(|| Mistake {
         place: place_in(&problem.message),
         at_s: None,
         text: bare(&problem.message),

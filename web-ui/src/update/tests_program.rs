@@ -5,7 +5,7 @@ use crate::command::ProgramCommand;
 use crate::state::{Side, Template, TwinStatus};
 use api::verdict::{Finding, Replay, Verdict};
 use chrono::DateTime;
-use controllers::gallery::{MODULE, SCRIPTS};
+use controllers::gallery::{MODULE, POLICY, SCRIPTS};
 
 fn clock(time_s: f64) -> Clock {
     Clock {
@@ -177,6 +177,31 @@ fn a_module_takes_the_scripts_place_and_gives_it_back() {
     command(&mut state, Command::Program(ProgramCommand::WriteScript));
     assert_eq!(script(&state), Some(&*text));
     assert_eq!(state.compose.program.module, None);
+}
+
+#[test]
+fn a_policy_takes_the_place_of_script_and_module() {
+    let mut state = writing();
+    let picked = |name: &str, bytes: &[u8]| Event::ModulePicked {
+        name: name.to_owned(),
+        bytes: Ok(bytes.to_vec()),
+    };
+    event(&mut state, picked("drive.wasm", MODULE));
+    event(&mut state, picked("Trained.ONNX", POLICY));
+    let parameters = &state.compose.experiment.control.parameters;
+    assert!(
+        parameters["policy"].is_string() && parameters.get("module").is_none() && parameters.get("script").is_none()
+    );
+    let (title, facts) = crate::pages::compose::program::data::module(&state).expect("a card");
+    assert!(
+        title.contains("Policy") && facts[0].1 == "Trained.ONNX",
+        "{title} {facts:?}"
+    );
+    command(&mut state, Command::Program(ProgramCommand::WriteScript));
+    assert!(script(&state).is_some() && state.compose.experiment.control.parameters.get("policy").is_none());
+    event(&mut state, picked("large.onnx", &vec![0; 1024 * 1024 + 1]));
+    let refusal = state.compose.program.refusal.clone().unwrap_or_default();
+    assert!(refusal.contains("too large; a policy"), "{refusal}");
 }
 
 #[test]

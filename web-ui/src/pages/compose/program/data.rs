@@ -4,7 +4,7 @@ use crate::pages::compose::editor::highlight::{Token, tokens};
 use crate::state::{Mistake, State};
 use crate::theme;
 use crate::update::program::script;
-use control::law::own::{MODULE, numbers as given_numbers};
+use control::law::own::{MODULE, POLICY, numbers as given_numbers};
 
 /// A number that is handed to the program.
 #[derive(Debug, Clone, PartialEq)]
@@ -77,26 +77,33 @@ pub fn mistake(mistake: &Mistake) -> String {
     format!("{place}{}{when}", mistake.text)
 }
 
-/// Name, size and hash of the module in the place of a script; none when there is a script.
-pub fn module(state: &State) -> Option<Vec<(String, String)>> {
-    let text = state.compose.experiment.control.parameters.get(MODULE)?.as_str()?;
+/// What stands in the place of a script, and its name, size and hash; none when there is a script.
+pub fn module(state: &State) -> Option<(&'static str, Vec<(String, String)>)> {
+    let parameters = &state.compose.experiment.control.parameters;
+    let kinds = [(MODULE, "WebAssembly module"), (POLICY, "Policy (ONNX)")];
+    let (title, text) = kinds
+        .into_iter()
+        .find_map(|(key, title)| Some((title, parameters.get(key)?.as_str()?)))?;
     let fact = |name: &str, value: String| (name.to_owned(), value);
-    Some(match &state.compose.program.module {
+    let facts = match &state.compose.program.module {
         Some(file) => vec![
             fact("File", file.name.clone()),
             fact("Size", theme::bytes(file.bytes as i64)),
             fact("SHA-256", file.sha256.clone()),
         ],
         None => vec![fact("Size", theme::bytes(text.len() as i64 / 4 * 3))],
-    })
+    };
+    Some((title, facts))
 }
 
-/// The experiment for reading: a module is named by its size only.
+/// The experiment for reading: a module or a policy is named by its size only.
 pub fn readable_document(state: &State) -> String {
     let mut experiment = state.compose.experiment.clone();
-    if let Some(module) = experiment.control.parameters.get_mut(MODULE) {
-        let characters = module.as_str().map_or(0, str::len);
-        *module = format!("({characters} characters of base64; Copy gives them)").into();
+    for key in [MODULE, POLICY] {
+        if let Some(program) = experiment.control.parameters.get_mut(key) {
+            let characters = program.as_str().map_or(0, str::len);
+            *program = format!("({characters} characters of base64; Copy gives them)").into();
+        }
     }
     serde_json::to_string_pretty(&experiment).unwrap_or_default()
 }

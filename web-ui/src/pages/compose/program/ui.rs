@@ -55,7 +55,7 @@ pub fn show(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) 
     let height = ui.available_height() - BELOW - NUMBERS_HEIGHT - log_height;
     match (script(&state.compose.experiment), data::module(state)) {
         (Some(text), _) => text_and_mistake(ui, output, palette, program, text, height.max(LEAST_TEXT_HEIGHT)),
-        (None, Some(facts)) => module(ui, output, palette, program, &facts),
+        (None, Some((title, facts))) => module(ui, output, palette, program, title, &facts),
         (None, None) => {}
     }
     ScrollArea::vertical()
@@ -86,8 +86,8 @@ fn tools(ui: &mut Ui, state: &State, output: &mut Output) {
         });
         output.mark("compose.examples", &menu.response);
         menu.response.on_hover_text("Scripts to start from");
-        let upload = ui.button("WebAssembly module \u{2026}").on_hover_text(
-            "A module of at most 1 MiB in the place of a script; docs/controllers.md says how it is built",
+        let upload = ui.button("Module or policy \u{2026}").on_hover_text(
+            "A WebAssembly module (.wasm) or a trained network (.onnx) of at most 1 MiB in the place of a script; docs/controllers.md says how they are made",
         );
         output.on_click("compose.module.upload", &upload, send(ProgramCommand::PickModule));
         if state.compose.program.module.is_some() || script(&state.compose.experiment).is_none() {
@@ -141,9 +141,16 @@ fn text_and_mistake(ui: &mut Ui, output: &mut Output, palette: &Palette, program
     });
 }
 
-fn module(ui: &mut Ui, output: &mut Output, palette: &Palette, program: &Program, facts: &[(String, String)]) {
+fn module(
+    ui: &mut Ui,
+    output: &mut Output,
+    palette: &Palette,
+    program: &Program,
+    title: &str,
+    facts: &[(String, String)],
+) {
     let card = parts::card(ui, palette, |ui| {
-        parts::section(ui, "WebAssembly module");
+        parts::section(ui, title);
         parts::facts(ui, palette, "module facts", facts);
         let words = "It drives in the twin as in the laboratory. Its numbers stand below, in the order of their names.";
         ui.add(Label::new(RichText::new(words).color(palette.faint_ink)).wrap());

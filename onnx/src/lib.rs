@@ -2,8 +2,12 @@
 //!
 //! Repeated numbers of shapes are not packed, as the proto2 file has them.
 
+mod sequence;
+
+pub use sequence::Sequence;
+
 use prost::DecodeError;
-use prost::Message;
+pub use prost::Message;
 use prost::bytes::{Buf, BufMut};
 use prost::encoding::{self, DecodeContext, WireType};
 
@@ -131,11 +135,14 @@ messages! {
         3 name: one string String,
         4 op_type: one string String,
         5 attribute: many message Attribute,
+        7 domain: one string String,
     }
     /// `AttributeProto`
     Attribute {
         1 name: one string String,
+        2 f: one float f32,
         3 i: one int64 i64,
+        5 t: maybe message Tensor,
         8 ints: many int64 i64,
         20 kind: one int32 i32,
     }
@@ -143,8 +150,11 @@ messages! {
     Tensor {
         1 dims: many int64 i64,
         2 data_type: one int32 i32,
+        4 float_data: many float f32,
+        7 int64_data: many int64 i64,
         8 name: one string String,
         9 raw_data: one bytes Vec<u8>,
+        14 data_location: one int32 i32,
     }
     /// `ValueInfoProto`
     ValueInfo {
@@ -177,8 +187,13 @@ fn is_set<T: Default + PartialEq>(value: &T) -> bool {
     *value != T::default()
 }
 
-/// `TensorProto.FLOAT`.
+/// `TensorProto.FLOAT` and `INT64`.
 pub const FLOAT: i32 = 1;
+pub const INT64: i32 = 7;
+/// `TensorProto.EXTERNAL`: the numbers stand in another file.
+pub const EXTERNAL: i32 = 1;
+/// `AttributeProto.FLOAT`.
+pub const ATTRIBUTE_FLOAT: i32 = 1;
 /// `AttributeProto.INT` and `INTS`.
 pub const INT: i32 = 2;
 pub const INTS: i32 = 7;
