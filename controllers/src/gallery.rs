@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 
 use crate::experiment::rehearse_json;
 use crate::source::Source;
+use crate::variety;
 
 /// One program of the gallery.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -83,7 +84,14 @@ pub fn scenario_json(source: &Source, duration_s: f64) -> String {
     scenario.to_string()
 }
 
-/// Trace digests of the gallery's programs and of programs that run into their limits, by name; empty where there is none.
+/// The varied programs by name.
+pub fn varied() -> impl Iterator<Item = (String, Source)> {
+    let script = |number| (format!("script {number:03}"), Source::Script(variety::script(number)));
+    let module = |number| (format!("module {number:03}"), Source::module(&variety::module(number)));
+    (0..variety::COUNT).map(script).chain((0..variety::COUNT).map(module))
+}
+
+/// Trace digests of the gallery's programs, of the varied ones and of programs that run into their limits, by name; empty where there is none.
 pub fn digests() -> BTreeMap<String, String> {
     let mut all = BTreeMap::new();
     let sources = SCRIPTS
@@ -98,6 +106,10 @@ pub fn digests() -> BTreeMap<String, String> {
         .chain([("policy go_to_point".to_owned(), Source::policy(POLICY))]);
     for (name, source) in sources {
         let outcome = rehearse_json(&scenario_json(&source, 8.0));
+        all.insert(name, outcome.map_or(String::new(), |outcome| outcome.verdict.digest));
+    }
+    for (name, source) in varied() {
+        let outcome = rehearse_json(&scenario_json(&source, variety::DURATION_S));
         all.insert(name, outcome.map_or(String::new(), |outcome| outcome.verdict.digest));
     }
     for (name, script) in BOUNDS {

@@ -22,5 +22,6 @@ pub mod program;
 pub mod ranges;
 mod script;
 pub mod source;
+pub mod variety;
 pub mod view;
 pub mod vocabulary;

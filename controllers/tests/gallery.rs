@@ -3,7 +3,7 @@
 use control::law::Note;
 use control::scenario::Scenario;
 use controllers::experiment::{rehearsal, rehearse_json};
-use controllers::gallery::{MODULE, POLICY, SCRIPTS, digests, scenario_json};
+use controllers::gallery::{MODULE, POLICY, SCRIPTS, digests, scenario_json, varied};
 use controllers::source::Source;
 
 fn script(name: &str) -> Source {
@@ -74,7 +74,7 @@ fn script_and_module_of_one_law_bring_everybody_to_the_same_places() {
 fn equal_programs_give_equal_digests() {
     let first = digests();
     assert!(
-        first.len() >= 10 && first.values().all(|digest| digest.len() >= 32),
+        first.len() >= 210 && first.values().all(|digest| digest.len() >= 32),
         "{first:#?}"
     );
     assert_eq!(first, digests());
@@ -84,6 +84,32 @@ fn equal_programs_give_equal_digests() {
     values.sort();
     values.dedup();
     assert_eq!(values.len() + 1, first.len(), "{first:#?}");
+}
+
+#[test]
+fn varied_programs_move_every_robot_and_none_is_stopped() {
+    let mut said = 0;
+    for (name, source) in varied() {
+        let outcome = rehearse_json(&scenario_json(&source, controllers::variety::DURATION_S))
+            .unwrap_or_else(|problems| panic!("{name}: {problems:#?}\n{source:?}"));
+        let faults: Vec<_> = outcome
+            .verdict
+            .findings
+            .iter()
+            .filter(|f| f.code == "controller_fault")
+            .collect();
+        assert!(
+            faults.is_empty() && outcome.verdict.ticks == 120,
+            "{name}: {faults:#?}\n{source:?}"
+        );
+        said += usize::from(!outcome.replay.notes.is_empty());
+        for robot in &outcome.replay.robots {
+            let (first, last) = (robot.poses[0], robot.poses.last().expect("a pose"));
+            let way = (0..3).map(|part| (last[part] - first[part]).abs()).fold(0.0, f64::max);
+            assert!(way > 0.01, "{name}: {} moves by {way}", robot.name);
+        }
+    }
+    assert!(said > 100, "{said} of them log or draw");
 }
 
 #[test]

@@ -137,6 +137,32 @@ fn errors_of_scripts_have_line_and_column() {
 }
 
 #[test]
+fn scripts_that_pass_a_limit_are_told_where_they_stood() {
+    for (text, line) in [
+        (
+            "fn step(now) {\n  let n = 0;\n  n += 1;\n  // Here.\n  loop { n += 1; }\n}",
+            5,
+        ),
+        (
+            "fn step(now) { turn(1); }\n\nfn turn(n) {\n  while true { n += 1; }\n}",
+            4,
+        ),
+        ("fn step(now) { let n = 0;\n while n < 100000 {\n  n += 1; } }", 3),
+        ("fn start(now) {\n  loop {}\n}\nfn step(now) {}", 2),
+        ("fn down(n) {\n  down(n + 1)\n}\nfn step(now) { down(0); }", 2),
+        ("fn step(now) {\n  let s = \"xx\";\n  loop {\n s += s;\n }\n}", 4),
+        // What was kept from earlier ticks decides where it stands.
+        (
+            "fn start(now) { this.n = 0; }\nfn step(now) { for r in 0..3 { stop(r); } this.n += 1;\n if this.n > 3 { loop {\n } }\n let a = 0; }",
+            3,
+        ),
+    ] {
+        let fault = stopped(&script(text), FaultKind::Exhausted, "");
+        assert!(fault.line == Some(line) && fault.column.is_some(), "{text}: {fault:?}");
+    }
+}
+
+#[test]
 fn commands_that_are_no_numbers_or_for_nobody_stop_the_run() {
     for text in [
         "fn step(now) { twist(0, 0.0 / 0.0, 0, 0); }",

@@ -79,6 +79,16 @@ fn the_process_is_confined() {
 }
 
 #[test]
+fn programs_may_give_memory_back() {
+    // Tens of megabytes, and none of it after the tick.
+    let text = "fn step(now) { for r in 0..3 { stop(r); } let b = []; b.pad(1900, 0.5); let a = []; a.pad(1900, ());
+                for k in 0..1200 { let c = b; c[0] = k; a[k] = c; } }";
+    let here = rehearse_json(&scenario_json(&script(text), 0.2)).expect("a rehearsal");
+    let there = finished(start::rehearsal(&scenario(&script(text), 0.2)).expect("a rehearsal"));
+    assert_eq!((here.verdict.ticks, &here), (24, &there), "{}", there.verdict.sentence);
+}
+
+#[test]
 fn a_program_that_is_killed_ends_the_run_at_once() {
     let source = script("fn step(now) { for r in 0..3 { twist(r, 0.2, 0, 0); } }");
     let scenario = scenario(&source, 10.0);

@@ -1,6 +1,6 @@
 //! What a module may import: log, drawings, and functions of numbers from `libm`. Pointers and lengths are checked.
 
-use crate::maths::{BINARY, UNARY};
+use crate::maths::{BINARY, UNARY, canonical};
 use control::law::Note;
 use wasmi::{Caller, Error, Linker, TrapCode};
 
@@ -89,13 +89,13 @@ fn numbers(linker: &mut Linker<Host>) -> Result<(), Error> {
     for (name, function) in UNARY {
         linker.func_wrap(NAME, name, move |mut caller: Ask<'_>, x: f64| {
             charge(&mut caller, 0)?;
-            Ok::<f64, Error>(function(x))
+            Ok::<f64, Error>(canonical(function(x)))
         })?;
     }
     for (name, function) in BINARY {
         linker.func_wrap(NAME, name, move |mut caller: Ask<'_>, x: f64, y: f64| {
             charge(&mut caller, 0)?;
-            Ok::<f64, Error>(function(x, y))
+            Ok::<f64, Error>(canonical(function(x, y)))
         })?;
     }
     Ok(())

@@ -1,6 +1,7 @@
 //! Views and commands as 64-bit floating words, little-endian. The table for authors is in `docs/controllers.md`.
 
 use crate::answer::{Motion, Order, Say, WHEELS};
+use crate::maths::{NOT_A_NUMBER, canonical};
 use crate::ranges::BEAMS;
 use crate::view::{Chassis, Setup, View};
 
@@ -12,8 +13,6 @@ const ROBOT_WORDS: usize = 24;
 const TARGET_WORDS: usize = 3;
 /// Words of one robot in a module's answer.
 pub(super) const ORDER_WORDS: usize = 16;
-/// The one bit pattern of what is not a number.
-const UNKNOWN: f64 = f64::from_bits(0x7ff8_0000_0000_0000);
 
 /// Words of every view of a run.
 pub(super) fn view_words(setup: &Setup) -> usize {
@@ -47,7 +46,7 @@ pub(super) fn write(view: &View, setup: &Setup, bytes: &mut Vec<u8>) {
     let mut target = 0;
     for (place, member) in setup.robots.iter().enumerate() {
         let seen = view.robots.get(place);
-        let part = |value: fn(&crate::view::Seen) -> f64| seen.map_or(UNKNOWN, value);
+        let part = |value: fn(&crate::view::Seen) -> f64| seen.map_or(NOT_A_NUMBER, value);
         let drive = match member.drive {
             Chassis::Holonomic => 0.0,
             Chassis::TurnInPlace => 1.0,
@@ -78,7 +77,7 @@ pub(super) fn write(view: &View, setup: &Setup, bytes: &mut Vec<u8>) {
     for place in setup.robots.iter().flat_map(|robot| &robot.targets) {
         put(
             bytes,
-            &[place.x_m, place.y_m, place.yaw_rad.unwrap_or(UNKNOWN)],
+            &[place.x_m, place.y_m, place.yaw_rad.unwrap_or(NOT_A_NUMBER)],
             TARGET_WORDS,
         );
     }
@@ -87,8 +86,7 @@ pub(super) fn write(view: &View, setup: &Setup, bytes: &mut Vec<u8>) {
 fn put(bytes: &mut Vec<u8>, words: &[f64], count: usize) {
     for at in 0..count {
         let word = words.get(at).copied().unwrap_or(0.0);
-        let word = if word.is_nan() { UNKNOWN } else { word };
-        bytes.extend_from_slice(&word.to_le_bytes());
+        bytes.extend_from_slice(&canonical(word).to_le_bytes());
     }
 }
 

@@ -1,6 +1,6 @@
 //! Functions of numbers for scripts, all from `libm`: the same bits natively and in the browser.
 
-use crate::maths::{BINARY, Binary, UNARY, Unary};
+use crate::maths::{BINARY, Binary, UNARY, Unary, greatest, least};
 use rhai::{Dynamic, Engine, EvalAltResult};
 
 /// A whole number or a floating one.
@@ -33,7 +33,7 @@ const MORE_UNARY: [Unary; 16] = [
     ("to_float", |x| x),
     ("int", f64::trunc),
 ];
-const MORE_BINARY: [Binary; 2] = [("min", f64::min), ("max", f64::max)];
+const MORE_BINARY: [Binary; 2] = [("min", least), ("max", greatest)];
 
 pub(super) fn register(engine: &mut Engine) {
     for (name, function) in UNARY.into_iter().chain(MORE_UNARY) {
@@ -50,7 +50,7 @@ pub(super) fn register(engine: &mut Engine) {
     engine.register_fn("max", |x: i64, y: i64| x.max(y));
     engine.register_fn("clamp", |x: Dynamic, low: Dynamic, high: Dynamic| {
         let (x, low, high) = (number(&x)?, number(&low)?, number(&high)?);
-        Ok::<f64, Box<EvalAltResult>>(x.max(low).min(high))
+        Ok::<f64, Box<EvalAltResult>>(least(greatest(x, low), high))
     });
     engine.register_fn("PI", || core::f64::consts::PI);
     engine.register_fn("is_nan", f64::is_nan);

@@ -2,6 +2,7 @@
 //! lasts for the run.
 
 mod maths;
+mod place;
 mod robots;
 mod state;
 mod words;
@@ -76,15 +77,28 @@ impl ScriptProgram {
     fn call(&mut self, name: &str, now: Now, operations: u64) -> Result<(), Fault> {
         let tick = now.tick();
         self.engine.set_max_operations(operations);
-        let options = CallFnOptions::new().eval_ast(false).bind_this_ptr(&mut self.state);
-        let done = self
-            .engine
-            .call_fn_with_options::<Dynamic>(options, &mut Scope::new(), &self.ast, name, (now,));
-        match done {
-            Ok(_) => state::check(&self.state).map_err(|reason| Fault::new(FaultKind::Exhausted, Some(tick), reason)),
-            Err(error) => Err(fault(&error, tick, operations)),
+        let before = self.state.clone();
+        match call(&self.engine, &self.ast, &mut self.state, name, now.clone()) {
+            Ok(()) => state::check(&self.state).map_err(|reason| Fault::new(FaultKind::Exhausted, Some(tick), reason)),
+            Err(error) => {
+                let fault = fault(&error, tick, operations);
+                if fault.kind != FaultKind::Exhausted {
+                    return Err(fault);
+                }
+                let found = place::find(&self.setup, operations, |engine| {
+                    call(engine, &self.ast, &mut before.clone(), name, now.clone())
+                });
+                Err(placed(fault, found))
+            }
         }
     }
+}
+
+/// Calls a function of the script.
+fn call(engine: &Engine, ast: &AST, state: &mut Dynamic, name: &str, now: Now) -> Result<(), Box<EvalAltResult>> {
+    let options = CallFnOptions::new().eval_ast(false).bind_this_ptr(state);
+    let done = engine.call_fn_with_options::<Dynamic>(options, &mut Scope::new(), ast, name, (now,));
+    done.map(|_| ())
 }
 
 impl Program for ScriptProgram {
