@@ -21,6 +21,10 @@ impl Spread {
         self.0.push(time);
     }
 
+    pub fn append(&mut self, others: Spread) {
+        self.0.extend(others.0);
+    }
+
     pub fn count(&self) -> usize {
         self.0.len()
     }

@@ -67,17 +67,28 @@ fn jitter() -> Spread {
 }
 
 /// X1: hostile programs are refused or stopped, the loop waits no longer than it may, and what hangs is killed at once.
-fn time_is_bounded(rounds: usize) {
+///
+/// - `share`: of the waits that must be within the deadline, as far as this machine wakes anybody in time.
+fn time_is_bounded(rounds: usize, share: f64) {
     let _alone = leave_alone();
     let programs = hostile::programs();
     assert_eq!(programs.len(), 20);
     let (mut waits, mut kills) = (Spread::default(), Spread::default());
+    let mut longest = (0.0, "");
     let mut ends = BTreeMap::new();
     for program in &programs {
         for _ in 0..rounds {
             let fault = match started(&program.source, RUN_PATIENCE) {
                 Err(fault) => fault,
-                Ok(mut running) => driven(&mut running, &mut waits),
+                Ok(mut running) => {
+                    let mut its = Spread::default();
+                    let fault = driven(&mut running, &mut its);
+                    if its.ms(1.0) > longest.0 {
+                        longest = (its.ms(1.0), program.name);
+                    }
+                    waits.append(its);
+                    fault
+                }
             };
             assert!(
                 program.ends.contains(&fault.kind) && fault.reason.contains(program.words),
@@ -101,22 +112,20 @@ fn time_is_bounded(rounds: usize) {
     }
     let jitter = jitter();
     println!(
-        "X1   20 programs x {rounds}: {ends:?}; {} waits p50 {:.2}, p99 {:.2}, most {:.2} ms (deadline 2.5, this machine oversleeps by {:.2} p99, {:.2} most); kill p50 {:.2}, most {:.2} ms of {}",
+        "X1   20 programs x {rounds}: {ends:?}; {} waits p50 {:.2}, p99 {:.2}, most {:.2} ms with {} (deadline 2.5; this machine oversleeps by {:.2} p99, {:.2} most); kill p50 {:.2}, most {:.2} ms of {}",
         waits.count(),
         waits.ms(0.5),
         waits.ms(0.99),
-        waits.ms(1.0),
+        longest.0,
+        longest.1,
         jitter.ms(0.99),
         jitter.ms(1.0),
         kills.ms(0.5),
         kills.ms(1.0),
         kills.count(),
     );
-    assert!(
-        waits.ms(0.99) <= 2.5 + 2.0 + 2.0 * jitter.ms(0.99),
-        "p99 {} ms",
-        waits.ms(0.99)
-    );
+    let allowed_ms = 2.5 + 2.0 + 2.0 * jitter.ms(0.99);
+    assert!(waits.ms(share) <= allowed_ms, "{} ms of {share}", waits.ms(share));
     assert!(kills.ms(0.5) <= 5.0, "kill p50 {} ms", kills.ms(0.5));
 }
 
@@ -254,7 +263,7 @@ fn programs_differ_by_seed() {
 
 #[test]
 fn x1_a_few() {
-    time_is_bounded(2);
+    time_is_bounded(2, 0.9);
 }
 
 #[test]
@@ -280,7 +289,7 @@ fn x7_a_few() {
 #[test]
 #[ignore = "minutes: cargo xtask soak X1"]
 fn x1() {
-    time_is_bounded(100);
+    time_is_bounded(100, 0.99);
 }
 
 #[test]
