@@ -38,6 +38,9 @@ pub struct Contents {
     pub tilt_x_rad: f64,
     #[serde(skip_serializing_if = "is_zero")]
     pub tilt_y_rad: f64,
+    /// Corners of a region that the safety filter keeps robots in, as a simple polygon; empty: the walls alone. No part of the physics.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub geofence: Vec<[f64; 2]>,
 }
 
 /// Outline seen from above, centred at its pose.

@@ -103,8 +103,11 @@ impl Team {
                 robot,
                 bounding_radius_m,
             });
-        let mut filter =
-            SafetyFilter::new(limits, arena_m, filter_bodies.collect()).with_contents(&scenario.arena.contents);
+        let contents = &scenario.arena.contents;
+        let mut filter = SafetyFilter::new(limits, arena_m, filter_bodies.collect()).with_contents(contents);
+        if let Some(fence) = Geofence::of(contents).map_err(|problem| vec![problem])? {
+            filter = filter.with_geofence(fence);
+        }
         for (place, latency_s) in latencies_s.into_iter().enumerate() {
             filter.set_latency_s(place, latency_s);
         }

@@ -4,6 +4,7 @@ mod common;
 
 use common::example;
 use control::rehearsal::Rehearsal;
+use control::safety::Geofence;
 use control::scenario::Scenario;
 use control::team::Team;
 use serde_json::{Value, json};
@@ -115,4 +116,50 @@ fn a_rehearsal_reports_what_the_robots_touch() {
         let count = verdict.findings.iter().filter(|finding| finding.code == code).count();
         assert_eq!((count, verdict.accepted), (1, accepted), "{:#?}", verdict.findings);
     }
+}
+
+#[test]
+fn a_geofence_is_checked_and_holds_robots_starts_and_targets() {
+    let fence = |corners: Value| with(json!({"geofence": corners}));
+    assert_eq!(fields(&fence(json!([[0, 0], [1, 0]]))), ["arena.contents.geofence"]);
+    let crossed = json!([[-1.9, -1.4], [1.9, 1.4], [1.9, -1.4], [-1.9, 1.4]]);
+    assert_eq!(fields(&fence(crossed)), ["arena.contents.geofence[0]"]);
+    // Wide enough for all places of the example, and then not.
+    let wide = fence(json!([[-1.95, -1.45], [1.95, -1.45], [1.95, 1.45], [-1.95, 1.45]]));
+    assert_eq!(fields(&wide), [""; 0]);
+    let narrow = fields(&fence(json!([[-0.3, -0.3], [0.3, -0.3], [0.3, 0.3], [-0.3, 0.3]])));
+    assert!(
+        narrow.contains(&"robots[0].start".to_owned()) && narrow.contains(&"targets[0]".to_owned()),
+        "{narrow:?}"
+    );
+}
+
+/// Four corners of the floor cut off: the way between two targets leads through what is forbidden.
+#[test]
+fn robots_stay_inside_a_geofence() {
+    let mut document =
+        with(json!({"geofence": [[-1.9, -1.4], [1.9, -1.4], [1.9, 0.0], [0.1, 0.0], [0.1, 1.4], [-1.9, 1.4]]}));
+    document["experiment"]["control"] = json!({"law": "go_to_pose", "parameters": {}});
+    document["experiment"]["robots"][0]["start"] = json!({"x_m": -0.6, "y_m": 1.0, "yaw_rad": 0.0});
+    document["experiment"]["targets"] = json!([{"x_m": 1.4, "y_m": -0.6, "yaw_rad": 0.0}]);
+    document["experiment"]["duration_s"] = json!(40.0);
+    let scenario = Scenario::from_json(&document.to_string()).unwrap_or_else(|problems| panic!("{problems:#?}"));
+    let fence = Geofence::of(&scenario.arena.contents)
+        .expect("a polygon")
+        .expect("a fence");
+    let radius_m = scenario.robots[0].bounding_radius_m;
+    let mut rehearsal = Rehearsal::new(&scenario).expect("a rehearsal");
+    while rehearsal.step() {}
+    let outcome = rehearsal.finish();
+    let poses = &outcome.replay.robots[0].poses;
+    let least_m = poses
+        .iter()
+        .map(|pose| fence.depth_m([pose[0], pose[1]]))
+        .fold(f64::INFINITY, f64::min);
+    assert!(least_m > radius_m, "{least_m} m of {radius_m} m");
+    let last = poses.last().expect("a pose");
+    assert!(
+        (last[0] - 1.4).abs() < 0.02 && (last[1] + 0.6).abs() < 0.02,
+        "it gets there all the same: {last:?}"
+    );
 }

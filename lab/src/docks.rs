@@ -5,6 +5,7 @@ use anyhow::{Context, Result, bail};
 use api::docks::{DOCKS_FORMAT, Docks as Document};
 use api::experiment::Pose;
 use api::lab::LabDescription;
+use control::safety::Geofence;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -47,6 +48,7 @@ impl Docks {
                 );
             }
             check_walls(index, pose, radius_m, lab)?;
+            check_fence(index, pose, radius_m, lab)?;
             for (place, other) in standing.iter().enumerate() {
                 let gap_m = f64::hypot(pose.x_m - other.0.x_m, pose.y_m - other.0.y_m) - radius_m - other.1;
                 if gap_m < ROOM_M {
@@ -97,6 +99,35 @@ fn check_walls(index: usize, pose: Pose, radius_m: f64, lab: &LabDescription) ->
     Ok(())
 }
 
+/// A robot beyond the geofence would never be let home.
+fn check_fence(index: usize, pose: Pose, radius_m: f64, lab: &LabDescription) -> Result<()> {
+    let corners = lab
+        .arena
+        .contents
+        .as_ref()
+        .map_or(&[][..], |contents| &contents.geofence);
+    if corners.is_empty() {
+        return Ok(());
+    }
+    let fence = Geofence::polygon(corners).map_err(|problem| {
+        anyhow::anyhow!(
+            "arena.contents.{}: {}, {}; {}",
+            problem.field,
+            problem.message,
+            problem.limit,
+            problem.remedy
+        )
+    })?;
+    let least_m = radius_m + ROOM_M;
+    let depth_m = fence.depth_m([pose.x_m, pose.y_m]);
+    if depth_m < least_m {
+        bail!(
+            "docks[{index}].pose: {depth_m:.3} m inside the geofence of the arena, at least {least_m:.3} m; move it further inside"
+        );
+    }
+    Ok(())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -119,6 +150,20 @@ mod tests {
             format: DOCKS_FORMAT.to_owned(),
             docks: docks.iter().map(dock).collect(),
         }
+    }
+
+    #[test]
+    fn docks_lie_inside_the_geofence() {
+        let fenced = |x_m: f64| {
+            let mut lab = lab();
+            let contents = lab.arena.contents.get_or_insert_default();
+            contents.geofence = vec![[-x_m, -1.5], [x_m, -1.5], [x_m, 1.5], [-x_m, 1.5]];
+            let name = lab.robots[0].description.name.clone();
+            Docks::new(&document(&[(&name, 0.5, 0.0)]), &lab).map(|_| ())
+        };
+        fenced(1.8).expect("inside");
+        let words = fenced(0.6).expect_err("too close").to_string();
+        assert!(words.contains("docks[0].pose") && words.contains("geofence"), "{words}");
     }
 
     #[test]

@@ -6,6 +6,7 @@
 
 use super::manoeuvre::{Car, Manoeuvre};
 use super::piece::Place;
+use crate::safety::Geofence;
 use crate::vector::{Vector, add, distance_to_segment, length, scale, sub};
 use twin::world::Contents;
 
@@ -66,9 +67,10 @@ pub struct Room<'a> {
     radius_m: f64,
     discs: &'a [Disc],
     contents: &'a Contents,
+    fence: Option<&'a Geofence>,
     here_m: Vector,
     goal_m: Vector,
-    /// Kept from obstacles; none when robot or goal are too close to one.
+    /// Kept from obstacles and from the geofence; none when robot or goal are too close to one.
     obstacle_gap_m: Option<f64>,
 }
 
@@ -78,7 +80,7 @@ impl<'a> Room<'a> {
         half_arena_m: Vector,
         radius_m: f64,
         discs: &'a [Disc],
-        contents: &'a Contents,
+        (contents, fence): (&'a Contents, Option<&'a Geofence>),
         here_m: Vector,
         goal_m: Vector,
     ) -> Room<'a> {
@@ -89,10 +91,7 @@ impl<'a> Room<'a> {
                 .max(here_m[k].abs().min(most_m))
                 .max(goal_m[k].abs().min(most_m))
         };
-        let clear = |at: Vector, gap_m: f64| {
-            contents.fixed_overlap_m(at[0], at[1], radius_m + gap_m).is_none()
-                && contents.pushable_overlap_m(at[0], at[1], radius_m + gap_m).is_none()
-        };
+        let clear = |at: Vector, gap_m: f64| is_clear(contents, fence, at, radius_m + gap_m);
         let gaps_m = [ROOM_M, LEAST_GAP_M, 0.0];
         let obstacle_gap_m = gaps_m
             .into_iter()
@@ -103,6 +102,7 @@ impl<'a> Room<'a> {
             radius_m,
             discs,
             contents,
+            fence,
             here_m,
             goal_m,
             obstacle_gap_m,
@@ -129,11 +129,8 @@ impl<'a> Room<'a> {
     }
 
     fn is_off_obstacles(&self, at: Vector) -> bool {
-        self.obstacle_gap_m.is_none_or(|gap_m| {
-            let radius_m = self.radius_m + gap_m - 1e-3;
-            self.contents.fixed_overlap_m(at[0], at[1], radius_m).is_none()
-                && self.contents.pushable_overlap_m(at[0], at[1], radius_m).is_none()
-        })
+        self.obstacle_gap_m
+            .is_none_or(|gap_m| is_clear(self.contents, self.fence, at, self.radius_m + gap_m - 1e-3))
     }
 
     /// Whether nobody stands on the straight way between two places.
@@ -144,7 +141,7 @@ impl<'a> Room<'a> {
         });
         if !clear
             || self.obstacle_gap_m.is_none()
-            || (self.contents.fixed.is_empty() && self.contents.pushable.is_empty())
+            || (self.contents.fixed.is_empty() && self.contents.pushable.is_empty() && self.fence.is_none())
         {
             return clear;
         }
@@ -160,6 +157,13 @@ impl<'a> Room<'a> {
         let along_wall = |at: Vector| (0..2).any(|k| at[k].abs() > self.half_arena_m[k] - self.radius_m - WALL_M);
         along_wall(from_m) || along_wall(to_m) || self.discs.iter().any(near)
     }
+}
+
+/// Whether a disc there overlaps no obstacle and lies inside the geofence.
+fn is_clear(contents: &Contents, fence: Option<&Geofence>, at: Vector, radius_m: f64) -> bool {
+    contents.fixed_overlap_m(at[0], at[1], radius_m).is_none()
+        && contents.pushable_overlap_m(at[0], at[1], radius_m).is_none()
+        && fence.is_none_or(|fence| fence.depth_m(at) >= radius_m)
 }
 
 /// A search for a place between, a few candidates each tick.
@@ -228,7 +232,7 @@ mod tests {
 
     fn search(discs: &[Disc], car: Option<&Car>, here: Place, goal: Place) -> Option<Place> {
         let contents = Contents::default();
-        let room = Room::new(HALF_M, RADIUS_M, discs, &contents, here.place_m, goal.place_m);
+        let room = Room::new(HALF_M, RADIUS_M, discs, (&contents, None), here.place_m, goal.place_m);
         let mut search = Search::default();
         (0..1000)
             .find_map(|_| search.go_on(&room, car, &here, &goal))
@@ -248,7 +252,7 @@ mod tests {
         let discs = [disc(0.0, 0.02)];
         let between = search(&discs, None, here, goal).expect("a way");
         let contents = Contents::default();
-        let room = Room::new(HALF_M, RADIUS_M, &discs, &contents, here.place_m, goal.place_m);
+        let room = Room::new(HALF_M, RADIUS_M, &discs, (&contents, None), here.place_m, goal.place_m);
         assert!(!room.is_straight(here.place_m, goal.place_m));
         assert!(room.is_straight(here.place_m, between.place_m) && room.is_straight(between.place_m, goal.place_m));
         let car = Car {
@@ -272,7 +276,7 @@ mod tests {
         let goal = place(1.5, 0.0, 0.0);
         let discs = [disc(1.4, 0.0)];
         let contents = Contents::default();
-        let room = Room::new(HALF_M, RADIUS_M, &discs, &contents, [-1.5, 0.0], goal.place_m);
+        let room = Room::new(HALF_M, RADIUS_M, &discs, (&contents, None), [-1.5, 0.0], goal.place_m);
         assert!(room.is_straight([-1.5, 0.0], goal.place_m));
     }
 

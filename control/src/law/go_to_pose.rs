@@ -18,6 +18,7 @@ use super::parameters::{SPEED, YAW_GAIN};
 use super::piece::Place;
 use super::targets::{Owner, TargetRule, YawUse};
 use super::{Demand, Drive, GO_TO_POSE, Law, LawSpec, Observation, ParameterSpec, Parameters, RobotObservation};
+use crate::safety::Geofence;
 use crate::scenario::Scenario;
 use crate::vector::{Vector, clip, length, scale, sub, wrap};
 
@@ -71,6 +72,7 @@ const VAIN_TICKS: u32 = 240;
 pub struct GoToPose {
     half_arena_m: Vector,
     contents: Contents,
+    fence: Option<Geofence>,
     robots: Vec<Progress>,
     /// Whether each robot stands; those that stand, without the one that is looked at.
     rests: Vec<Rest>,
@@ -107,6 +109,8 @@ impl GoToPose {
         GoToPose {
             half_arena_m: [0.5 * scenario.arena.width_m, 0.5 * scenario.arena.height_m],
             contents: scenario.arena.contents.clone(),
+            // One that is wrong is refused by the scenario's checks.
+            fence: Geofence::of(&scenario.arena.contents).ok().flatten(),
             robots: vec![Progress::default(); robots],
             rests: vec![Rest::default(); robots],
             standing: vec![false; robots],
@@ -174,11 +178,12 @@ impl Law for GoToPose {
             self.others_that_stand(i, observation);
             let radius_m = body.bounding_radius_m;
             let (half_m, to_m) = (self.half_arena_m, goal.place_m);
+            let around = (&self.contents, self.fence.as_ref());
             let sight = Sight {
                 robot,
                 here,
                 goal,
-                room: Room::new(half_m, radius_m, &self.discs, &self.contents, here.place_m, to_m),
+                room: Room::new(half_m, radius_m, &self.discs, around, here.place_m, to_m),
                 parameters: observation.parameters,
             };
             if let Some(progress) = self.robots.get_mut(i) {

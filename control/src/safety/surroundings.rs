@@ -63,6 +63,21 @@ impl Geofence {
         Ok(Geofence { corners })
     }
 
+    /// The geofence of an arena, by its field; none where none is given.
+    ///
+    /// - Errors: as [`Self::polygon`].
+    pub fn of(contents: &Contents) -> Result<Option<Geofence>, FieldProblem> {
+        if contents.geofence.is_empty() {
+            return Ok(None);
+        }
+        Geofence::polygon(&contents.geofence)
+            .map(Some)
+            .map_err(|problem| FieldProblem {
+                field: format!("arena.contents.{}", problem.field),
+                ..problem
+            })
+    }
+
     /// An upright rectangle with these opposite corners.
     pub fn rectangle(lower_m: [f64; 2], upper_m: [f64; 2]) -> Result<Geofence, FieldProblem> {
         Geofence::polygon(&[lower_m, [upper_m[0], lower_m[1]], upper_m, [lower_m[0], upper_m[1]]])
@@ -81,6 +96,14 @@ impl Geofence {
             let spans = (a[1] > point[1]) != (b[1] > point[1]);
             inside != (spans && point[0] < a[0] + (b[0] - a[0]) * (point[1] - a[1]) / (b[1] - a[1]))
         })
+    }
+
+    /// Distance of a point from the nearest side, m; negative outside.
+    pub fn depth_m(&self, point: [f64; 2]) -> f64 {
+        let inside = self.holds(point);
+        let sides = (0..self.sides()).map(|side| self.clearance(side, point, true).0);
+        let nearest_m = sides.fold(f64::INFINITY, f64::min);
+        if inside { nearest_m } else { -nearest_m }
     }
 
     /// Distance of a point from one side and the direction away from it, into the fence.

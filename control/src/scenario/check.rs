@@ -10,6 +10,7 @@ use super::{
 };
 use crate::interaction;
 use crate::law;
+use crate::safety::Geofence;
 use crate::vector::{length, sub};
 
 const CHASSIS: [&str; 6] = ["omni4", "diff2", "diff4", "fwd", "rwd", "awd"];
@@ -96,6 +97,9 @@ fn check_arena(scenario: &Scenario, problems: &mut Problems) {
             problem.limit,
             problem.remedy,
         );
+    }
+    if let Err(problem) = Geofence::of(&arena.contents) {
+        problems.add(problem.field, problem.message, problem.limit, problem.remedy);
     }
     if scenario.experiment.arena != arena.name {
         let message = format!("the arena {:?} is not here", scenario.experiment.arena);
@@ -337,6 +341,7 @@ pub(super) fn radius_m(scenario: &Scenario, i: usize) -> f64 {
 
 fn check_starts(scenario: &Scenario, problems: &mut Problems) {
     let robots = &scenario.experiment.robots;
+    let fence = Geofence::of(&scenario.arena.contents).ok().flatten();
     for (i, robot) in robots.iter().enumerate() {
         let start = robot.start;
         problems.finite(format!("robots[{i}].start.yaw_rad"), start.yaw_rad, "radians");
@@ -361,6 +366,15 @@ fn check_starts(scenario: &Scenario, problems: &mut Problems) {
         let pushable = pushable.map(|(at, overlap_m)| (&contents.pushable[at].name, overlap_m));
         if let Some((name, overlap_m)) = fixed.or(pushable) {
             in_obstacle(problems, format!("robots[{i}].start"), name, [overlap_m, radius_m]);
+        }
+        if let Some(fence) = &fence {
+            in_fence(
+                problems,
+                format!("robots[{i}].start"),
+                fence,
+                [start.x_m, start.y_m],
+                radius_m,
+            );
         }
     }
     for (j, second) in robots.iter().enumerate().take(MAX_ROBOTS) {
@@ -393,6 +407,22 @@ pub(super) fn in_obstacle(problems: &mut Problems, field: String, obstacle: &str
         format!("at least {radius_m} m from the obstacle"),
         "move it away from the obstacle",
     );
+}
+
+/// The whole bounding circle must lie inside the geofence.
+pub(super) fn in_fence(problems: &mut Problems, field: String, fence: &Geofence, at_m: [f64; 2], radius_m: f64) {
+    let beyond_m = radius_m - fence.depth_m(at_m);
+    // Places that are no numbers are reported by themselves.
+    if beyond_m > 1e-9 {
+        problems.add(
+            field,
+            format!(
+                "there the robot (radius {radius_m} m) would stand {beyond_m:.3} m beyond the geofence of the arena"
+            ),
+            format!("at least {radius_m} m inside the geofence"),
+            "move it further inside",
+        );
+    }
 }
 
 /// The whole bounding circle must lie inside the walls.

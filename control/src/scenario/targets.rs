@@ -1,8 +1,9 @@
 //! Rules of the targets: whose they are, how many, where; what they mean is the law's table.
 
-use super::check::{Problems, in_obstacle, inside, radius_m};
+use super::check::{Problems, in_fence, in_obstacle, inside, radius_m};
 use super::{MAX_ROBOTS, MAX_TARGETS, MIN_START_GAP_M, Scenario, Target};
 use crate::law::{self, Owner, TargetRule, YawUse};
+use crate::safety::Geofence;
 use crate::vector::{length, sub};
 
 pub fn check(scenario: &Scenario, problems: &mut Problems) {
@@ -124,6 +125,15 @@ fn check_place(scenario: &Scenario, t: usize, target: &Target, index: Option<usi
     if let Some((at, overlap_m)) = contents.fixed_overlap_m(target.x_m, target.y_m, radius_m) {
         let name = &contents.fixed[at].name;
         in_obstacle(problems, format!("targets[{t}]"), name, [overlap_m, radius_m]);
+    }
+    if let Ok(Some(fence)) = Geofence::of(contents) {
+        in_fence(
+            problems,
+            format!("targets[{t}]"),
+            &fence,
+            [target.x_m, target.y_m],
+            radius_m,
+        );
     }
 }
 

@@ -30,6 +30,9 @@ pub struct Contents {
     pub tilt_x_rad: f64,
     #[serde(skip_serializing_if = "is_zero")]
     pub tilt_y_rad: f64,
+    /// Corners of a region that the safety filter keeps robots in, as a simple polygon; empty: the walls alone. No part of the physics.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub geofence: Vec<[f64; 2]>,
 }
 
 /// Something that does not move.
@@ -66,13 +69,14 @@ pub struct FloorRegion {
 }
 
 impl Contents {
-    /// True for an empty room with a level floor.
+    /// True for an empty room with a level floor and no geofence.
     pub fn is_empty(&self) -> bool {
         self.fixed.is_empty()
             && self.pushable.is_empty()
             && self.regions.is_empty()
             && self.tilt_x_rad == 0.0
             && self.tilt_y_rad == 0.0
+            && self.geofence.is_empty()
     }
 
     /// Everything that is wrong with it, by its path, for example `pushable[2].mass_kg`; empty when it fits the arena.

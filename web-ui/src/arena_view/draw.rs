@@ -1,6 +1,6 @@
 //! Painting of the scene, from the floor up.
 
-use super::{Projection, Scene, SceneRobot, Shape, Trail, colour, drawings};
+use super::{Projection, Scene, SceneRobot, Shape, Trail, colour, contents, drawings};
 use crate::error_measure::BAND_M;
 use crate::theme::Palette;
 use egui::epaint::PathStroke;
@@ -13,10 +13,14 @@ const SCALE_SIZE: f32 = 11.5;
 
 pub fn scene(painter: &Painter, scene: &Scene, projection: &Projection, floor: Rect, palette: &Palette) {
     painter.rect_filled(floor, 0.0, palette.floor);
+    // A corner of the geofence may lie outside the walls.
+    let painter_inside = painter.with_clip_rect(floor.intersect(painter.clip_rect()));
+    contents::regions(&painter_inside, &scene.contents, projection, palette);
     grid(painter, scene, projection, floor, palette);
     for path in &scene.paths {
         band(painter, path, projection, palette);
     }
+    contents::things(&painter_inside, &scene.contents, projection, palette);
     painter.rect_stroke(floor, 0.0, Stroke::new(2.0, palette.wall), StrokeKind::Outside);
     for item in &scene.trails {
         trail(painter, item, projection, palette);
@@ -31,7 +35,6 @@ pub fn scene(painter: &Painter, scene: &Scene, projection: &Projection, floor: R
         );
     }
     // What a program draws may be anywhere, but is seen on the floor only.
-    let painter_inside = painter.with_clip_rect(floor.intersect(painter.clip_rect()));
     drawings::below(&painter_inside, &scene.drawings, projection, palette);
     for item in scene
         .robots

@@ -1,9 +1,10 @@
 //! The arena from above: floor, scale, paths, trails, targets and robots. The same picture on every page.
 
+mod contents;
 mod draw;
 mod drawings;
 
-use api::arena::Arena;
+use api::arena::{Arena, Contents};
 use api::experiment::{Experiment, Target};
 use api::note::Note;
 use api::robot::RobotDescription;
@@ -19,6 +20,8 @@ const MARGIN: f32 = 34.0;
 pub struct Scene {
     pub width_m: f64,
     pub height_m: f64,
+    /// Obstacles, floor regions, geofence.
+    pub contents: Contents,
     /// Paths with their band of +-75 mm.
     pub paths: Vec<Vec<[f64; 2]>>,
     pub trails: Vec<Trail>,
@@ -116,6 +119,7 @@ impl Scene {
         Self {
             width_m: arena.width_m,
             height_m: arena.height_m,
+            contents: arena.contents.clone().unwrap_or_default(),
             ..Self::default()
         }
     }
