@@ -28,6 +28,9 @@ const READY_LIMIT: Duration = Duration::from_secs(60);
 /// How often the processes are looked after.
 const LOOK_PERIOD: Duration = Duration::from_millis(50);
 
+/// The laboratory that is started when none is named.
+pub const REFERENCE: &str = "examples/lab/reference.json";
+
 #[derive(Args, Clone)]
 pub struct UpArguments {
     /// Port of the service on 127.0.0.1; 0 takes any free one
@@ -42,6 +45,9 @@ pub struct UpArguments {
     /// Let a tracker tell the robots' poses instead of cameras
     #[arg(long)]
     pub tracker: bool,
+    /// Document of the laboratory (for example examples/lab/furnished.json, a room with obstacles)
+    #[arg(long, default_value = REFERENCE)]
+    pub lab: PathBuf,
     /// Docks: robots of a finished run drive home and charge (for example examples/lab/docks.json)
     #[arg(long)]
     pub docks: Option<PathBuf>,

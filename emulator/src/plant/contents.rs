@@ -164,6 +164,21 @@ mod tests {
     }
 
     #[test]
+    fn the_furnished_example_can_be_emulated() {
+        let lab: api::lab::LabDescription =
+            serde_json::from_str(include_str!("../../../examples/lab/furnished.json")).expect("a laboratory");
+        let contents = PlantContents::new(lab.arena.contents.as_ref()).expect("all of it is known");
+        // On the slippery patch, beside it, and in the pillar.
+        assert!(contents.friction_scale([-0.9, 0.15]) == 0.5 && contents.friction_scale([1.0, 0.15]) == 1.0);
+        let pillar = api::experiment::Pose {
+            x_m: 0.1,
+            y_m: 0.3,
+            yaw_rad: 0.0,
+        };
+        assert!(contents.is_blocked(&pillar, 0.2) && !contents.is_blocked(&pillar, 0.1));
+    }
+
+    #[test]
     fn distances_by_hand() {
         let box_shape = Shape::Rectangle {
             length_m: 2.0,

@@ -65,6 +65,8 @@ pub struct Programs {
 #[derive(Debug, Clone)]
 pub struct Choice {
     pub lab: bool,
+    /// Its document; relative to the checkout where it is not absolute.
+    pub lab_file: PathBuf,
     /// A tracker instead of cameras.
     pub tracker: bool,
     /// File of the docks, absolute.
@@ -79,8 +81,14 @@ impl Choice {
     pub fn of(arguments: &super::UpArguments) -> Result<Self> {
         // The programs are started in the checkout, not where the user is.
         let absolute = |path: &PathBuf| path.canonicalize().with_context(|| format!("find {}", path.display()));
+        // The reference laboratory is the checkout's wherever the command is given.
+        let lab_file = match arguments.lab == Path::new(super::REFERENCE) {
+            true => arguments.lab.clone(),
+            false => absolute(&arguments.lab)?,
+        };
         Ok(Self {
             lab: !arguments.no_lab,
+            lab_file,
             tracker: arguments.tracker,
             docks: arguments.docks.as_ref().map(absolute).transpose()?,
             quick: arguments.quick,
@@ -106,7 +114,7 @@ impl Programs {
         let programs = Self {
             data: data.to_path_buf(),
             folder: paths::program_folder()?,
-            lab_file: paths::root().join("examples/lab/reference.json"),
+            lab_file: paths::root().join(choice.lab_file),
             socket_folder: short_socket_folder(data)?,
             ports,
             cluster,
