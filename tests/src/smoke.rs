@@ -172,6 +172,15 @@ fn figures(rows: &mut Vec<Row>, archive: &Archive, robot: &str, bare: BareTicks)
         jitter["late_p99_ms"].is_number(),
     );
 
+    // The poses came out of pictures, not from a tracker that knows them.
+    let edge = &manifest["edge"];
+    let cameras = edge["cameras"].as_array().context("manifest: edge.cameras")?;
+    let live = cameras.iter().filter(|camera| camera["health"] == "live").count();
+    let used = edge["fusion"]["used"].as_u64().unwrap_or(0);
+    let text = format!("{live} of {} live, {used} sightings used", cameras.len());
+    let holds = live > 0 && live == cameras.len() && used as f64 > 0.5 * recorded;
+    row(rows, "cameras", text, "all live, the robot seen", holds);
+
     let topics = archive.mcap_topics()?;
     let messages: usize = topics.values().sum();
     row(

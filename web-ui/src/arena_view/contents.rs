@@ -25,18 +25,21 @@ pub fn regions(painter: &Painter, contents: &Contents, projection: &Projection, 
         };
         fill(painter, corners.clone(), ink.gamma_multiply(0.13));
         painter.extend(egui::Shape::dashed_line(
-            &closed(corners.clone()),
+            &closed(corners),
             Stroke::new(1.0, ink.gamma_multiply(0.6)),
             3.0,
             3.0,
         ));
-        let text = format!("friction \u{d7} {}", region.friction_scale);
-        word(painter, &corners, text, palette.faint_ink);
     }
 }
 
-/// Obstacles and the geofence: above paths, below robots.
+/// Words of regions, obstacles and the geofence: above paths, below robots.
 pub fn things(painter: &Painter, contents: &Contents, projection: &Projection, palette: &Palette) {
+    for region in &contents.regions {
+        let corners = outline(&region.shape, &region.pose, projection);
+        let text = format!("friction \u{d7} {}", region.friction_scale);
+        word(painter, &corners, text, palette.faint_ink);
+    }
     for one in &contents.fixed {
         let corners = outline(&one.shape, &one.pose, projection);
         fill(painter, corners.clone(), palette.wall);
