@@ -11,8 +11,12 @@ pub enum FaultKind {
     Dead,
     /// A driven wheel is held fast; `wheel` is its position among the driven ones.
     StuckWheel { wheel: usize },
-    /// This share of frames is lost, each way.
-    DropFrames { fraction: f64 },
+    /// This share of frames is lost, each way or one way only.
+    DropFrames {
+        fraction: f64,
+        #[serde(default)]
+        way: LostWay,
+    },
     /// Interference around this robot: bursts of this mean length take this share of the time and most frames, each way.
     BurstFrames { mean_ms: f64, share: f64 },
     /// Every frame takes this much longer, each way.
@@ -35,6 +39,18 @@ pub enum FaultKind {
     None,
 }
 
+/// Where frames are lost.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LostWay {
+    #[default]
+    Both,
+    /// To the robot: it is heard and hears nothing.
+    Down,
+    /// From the robot.
+    Up,
+}
+
 /// `{"fault": {"number": 1, "kind": "dead"}}`
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct FaultRequest {
@@ -49,6 +65,7 @@ pub struct Faults {
     pub dead: bool,
     pub stuck_wheel: Option<usize>,
     pub dropped_fraction: f64,
+    pub dropped_way: LostWay,
     /// What the medium does to this robot's frames besides its own.
     pub impairment: Impairment,
     /// Number that tracker and cameras see on this robot.
@@ -66,7 +83,7 @@ impl FaultKind {
     /// The first parameter that is out of range: its name, value and range.
     pub fn problem(&self) -> Option<(&'static str, f64, &'static str)> {
         let (name, value, least, most, range) = match *self {
-            Self::DropFrames { fraction } | Self::CopyFrames { fraction } | Self::ReorderFrames { fraction } => {
+            Self::DropFrames { fraction, .. } | Self::CopyFrames { fraction } | Self::ReorderFrames { fraction } => {
                 ("fraction", fraction, 0.0, 1.0, "0..=1")
             }
             Self::BurstFrames { mean_ms, share } if (0.0..=0.9).contains(&share) => {

@@ -22,5 +22,6 @@ pub mod sensors;
 pub mod socket;
 pub mod tracker;
 pub mod unit;
+pub mod watchdog_log;
 
 pub use laboratory::Laboratory;

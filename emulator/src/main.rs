@@ -10,6 +10,7 @@ use emulator::keys::{Keys, make_keys};
 use emulator::link::Link;
 use emulator::plant::TICK_HZ;
 use emulator::tracker::TrackerStream;
+use emulator::watchdog_log::WatchdogLog;
 use emulator::{Laboratory, clock};
 use robot::medium::{MediumKind, MediumProfile};
 use std::net::IpAddr;
@@ -51,6 +52,9 @@ struct Settings {
     /// Write down when each robot began to follow each command: robot, sequence, microseconds.
     #[arg(long)]
     applied_log: Option<PathBuf>,
+    /// Write down when each robot's watchdog changed its state, and when it was fed last.
+    #[arg(long)]
+    watchdog_log: Option<PathBuf>,
     /// Pictures per second of each camera.
     #[arg(long, default_value_t = 60.0)]
     camera_hz: f64,
@@ -121,7 +125,10 @@ fn main() -> anyhow::Result<()> {
         .map(|path| TrackerStream::listen(path, settings.seed))
         .transpose()?;
     let mut cameras = start_cameras(&settings)?;
-    let applied = settings.applied_log.as_deref().map(AppliedLog::create).transpose()?;
+    let mut logs = Logs {
+        applied: settings.applied_log.as_deref().map(AppliedLog::create).transpose()?,
+        watchdog: settings.watchdog_log.as_deref().map(WatchdogLog::create).transpose()?,
+    };
     let mut hand = Hand::listen(&settings.hand)?;
     tracing::info!(
         robots = description.robots.len(),
@@ -135,10 +142,34 @@ fn main() -> anyhow::Result<()> {
         tracker.as_mut(),
         &mut cameras,
         &mut hand,
-        applied,
+        &mut logs,
     );
     tracing::info!("emulated laboratory ends");
     Ok(())
+}
+
+/// What is written down for measurements.
+struct Logs {
+    applied: Option<AppliedLog>,
+    watchdog: Option<WatchdogLog>,
+}
+
+impl Logs {
+    /// Firmware steps are over.
+    fn note(&mut self, laboratory: &Laboratory) {
+        if let Some(log) = &mut self.applied
+            && let Err(error) = log.note(clock::monotonic_us(), laboratory.units())
+        {
+            tracing::warn!(%error, "the log of applied commands cannot be written");
+            self.applied = None;
+        }
+        if let Some(log) = &mut self.watchdog
+            && let Err(error) = log.note(clock::monotonic_us(), laboratory.units())
+        {
+            tracing::warn!(%error, "the log of the watchdogs cannot be written");
+            self.watchdog = None;
+        }
+    }
 }
 
 fn start_cameras(settings: &Settings) -> anyhow::Result<CameraSet> {
@@ -167,7 +198,7 @@ fn run(
     mut tracker: Option<&mut TrackerStream>,
     cameras: &mut CameraSet,
     hand: &mut Hand,
-    mut applied: Option<AppliedLog>,
+    logs: &mut Logs,
 ) {
     let tick_us = |tick: i64| tick * 1_000_000 / i64::from(TICK_HZ);
     let (mut start_us, mut done, mut pictures) = (clock::monotonic_us(), 0i64, 0u64);
@@ -192,12 +223,8 @@ fn run(
             // The plant stands at its last tick, not at this moment.
             cameras.note(start_us + tick_us(done), laboratory.units());
         }
-        if due > 0
-            && let Some(log) = &mut applied
-            && let Err(error) = log.note(clock::monotonic_us(), laboratory.units())
-        {
-            tracing::warn!(%error, "the log of applied commands cannot be written");
-            applied = None;
+        if due > 0 {
+            logs.note(laboratory);
         }
         let picture = done as u64 / TICKS_PER_PICTURE;
         if picture > pictures {

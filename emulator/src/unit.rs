@@ -1,7 +1,7 @@
 //! One emulated robot: firmware, body, sensors, its own clock and its faults.
 
 use crate::commissioning;
-use crate::faults::{FaultKind, Faults};
+use crate::faults::{FaultKind, Faults, LostWay};
 use crate::hidden::{Hidden, HiddenRobot};
 use crate::noise::Noise;
 use crate::plant::arena::{MotorStage, Occupant};
@@ -186,7 +186,9 @@ impl Unit {
         match kind {
             FaultKind::Dead => self.faults.dead = true,
             FaultKind::StuckWheel { wheel } => self.faults.stuck_wheel = Some(wheel),
-            FaultKind::DropFrames { fraction } => self.faults.dropped_fraction = fraction,
+            FaultKind::DropFrames { fraction, way } => {
+                (self.faults.dropped_fraction, self.faults.dropped_way) = (fraction, way);
+            }
             FaultKind::BurstFrames { .. }
             | FaultKind::DelayFrames { .. }
             | FaultKind::CopyFrames { .. }
@@ -240,7 +242,7 @@ impl Unit {
 
     /// Takes a datagram off the link.
     pub fn receive(&mut self, bytes: &[u8], now_us: i64) -> Reception {
-        if self.faults.dead || self.loses_frame() {
+        if self.faults.dead || self.loses_frame(LostWay::Down) {
             return Reception::Nothing;
         }
         match self.firmware.on_datagram(bytes, self.clock.read_ms(now_us)) {
@@ -254,7 +256,7 @@ impl Unit {
 
     /// Writes telemetry for the commander; 0 characters when it is lost or the robot is dead.
     pub fn telemetry(&mut self, now_us: i64, out: &mut [u8; TELEMETRY_MAX_CHARACTERS]) -> usize {
-        if self.faults.dead || self.loses_frame() {
+        if self.faults.dead || self.loses_frame(LostWay::Up) {
             0
         } else {
             self.firmware.telemetry(self.clock.read_ms(now_us), out)
@@ -263,7 +265,7 @@ impl Unit {
 
     /// Writes estimate and health for the commander; 0 characters as for telemetry.
     pub fn health_report(&mut self, now_us: i64, out: &mut [u8; TELEMETRY_MAX_CHARACTERS]) -> usize {
-        if self.faults.dead || self.loses_frame() {
+        if self.faults.dead || self.loses_frame(LostWay::Up) {
             0
         } else {
             self.firmware.health_report(self.clock.read_ms(now_us), out)
@@ -272,7 +274,7 @@ impl Unit {
 
     /// Writes the counters of frames for the commander; 0 characters as for telemetry.
     pub fn counters_report(&mut self, now_us: i64, out: &mut [u8; TELEMETRY_MAX_CHARACTERS]) -> usize {
-        if self.faults.dead || self.loses_frame() {
+        if self.faults.dead || self.loses_frame(LostWay::Up) {
             0
         } else {
             self.firmware.counters_report(self.clock.read_ms(now_us), out)
@@ -281,15 +283,16 @@ impl Unit {
 
     /// Writes the answer to a [`Reception::Probe`].
     pub fn probe_reply(&mut self, now_us: i64, out: &mut [u8; TELEMETRY_MAX_CHARACTERS]) -> usize {
-        if self.faults.dead || self.loses_frame() {
+        if self.faults.dead || self.loses_frame(LostWay::Up) {
             0
         } else {
             self.firmware.probe_reply(self.clock.read_ms(now_us), out)
         }
     }
 
-    fn loses_frame(&mut self) -> bool {
-        self.faults.dropped_fraction > 0.0 && self.random.uniform() < self.faults.dropped_fraction
+    fn loses_frame(&mut self, way: LostWay) -> bool {
+        let there = [LostWay::Both, way].contains(&self.faults.dropped_way);
+        there && self.faults.dropped_fraction > 0.0 && self.random.uniform() < self.faults.dropped_fraction
     }
 }
 

@@ -2,7 +2,8 @@
 
 mod rig;
 
-use emulator::camera::faults::{CameraFault, DeadPixel, DirtSpot};
+use emulator::camera::faults::{CameraFault, Damage, DeadPixel, DirtSpot};
+use emulator::camera::frame::{FrameDecoder, FrameError, encode};
 use emulator::camera::misalignment::Misalignment;
 use emulator::camera::{Camera, CameraSettings};
 use rig::{camera, pose, robot};
@@ -41,6 +42,51 @@ fn dropped_frames_leave_gaps_in_the_sequence() {
     // binomial: 280 +- 9.2
     assert!((250..310).contains(&sequences.len()), "{}", sequences.len());
     assert!(sequences.windows(2).all(|pair| pair[0] < pair[1]) && sequences.last() > Some(&390));
+}
+
+#[test]
+fn a_camera_of_the_wrong_size_sends_whole_frames_of_half_the_height() {
+    let mut camera = camera(0, rig::plain());
+    let full = camera.expose(0, &[]).expect("a picture").header;
+    camera.set_fault(CameraFault::WrongSize).expect("a fault");
+    let half = camera.expose(1, &[]).expect("a picture");
+    assert_eq!(
+        (half.header.width_px, half.header.height_px),
+        (full.width_px, full.height_px / 2)
+    );
+    let mut bytes = Vec::new();
+    encode(&half.header, half.pixels, &mut bytes).expect("a frame");
+    let mut decoder = FrameDecoder::new();
+    decoder.push(&bytes);
+    assert_eq!(decoder.next_frame().expect("sound").expect("whole").header, half.header);
+}
+
+#[test]
+fn damaged_frames_are_noticed_as_what_they_are() {
+    let mut camera = camera(0, rig::plain());
+    let fault = |fraction, part| CameraFault::DamageFrames { fraction, part };
+    assert!(camera.set_fault(fault(1.1, Damage::Rest)).is_err());
+    for part in [Damage::Pixels, Damage::Header, Damage::Rest] {
+        camera.set_fault(fault(1.0, part)).expect("a fault");
+        let picture = camera.expose(0, &[]).expect("a picture");
+        assert_eq!(picture.damage, Some(part));
+        let (mut bytes, mut decoder) = (Vec::new(), FrameDecoder::new());
+        encode(&picture.header, picture.pixels, &mut bytes).expect("a frame");
+        let whole = bytes.clone();
+        part.spoil(&mut bytes);
+        // What is missing is taken from the frame that follows.
+        bytes.extend_from_slice(&whole);
+        decoder.push(&bytes);
+        let found = decoder.next_frame().expect_err("damaged");
+        match part {
+            Damage::Header => assert!(matches!(found, FrameError::HeaderCrc { .. }), "{found}"),
+            Damage::Pixels | Damage::Rest => assert!(matches!(found, FrameError::PayloadCrc { .. }), "{found}"),
+        }
+    }
+    camera.set_fault(fault(0.3, Damage::Pixels)).expect("a fault");
+    let damaged = (0..400).filter(|time| camera.expose(*time, &[]).expect("a picture").damage.is_some());
+    // binomial: 120 +- 9.2
+    assert!((90..150).contains(&damaged.count()));
 }
 
 #[test]

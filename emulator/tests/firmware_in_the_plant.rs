@@ -4,7 +4,7 @@ mod bench;
 
 use bench::{Bench, every_chassis, forward, reference, wheels};
 use emulator::camera::{CameraSet, CameraSettings};
-use emulator::faults::{FaultKind, FaultRequest};
+use emulator::faults::{FaultKind, FaultRequest, LostWay};
 use emulator::hidden::Hidden;
 use robot::frame::Command;
 
@@ -157,7 +157,7 @@ fn faults_do_what_they_say() {
     bench.drive_for(1.0, spin);
     fault(&mut bench, 1, FaultKind::Dead);
     fault(&mut bench, 2, FaultKind::StuckWheel { wheel: 2 });
-    fault(&mut bench, 3, FaultKind::DropFrames { fraction: 1.0 });
+    fault(&mut bench, 3, lost(1.0, LostWay::Both));
     fault(&mut bench, 4, FaultKind::TrackerLost);
     bench.drive_for(1.5, spin);
     assert!(bench.telemetry[0].is_none() && bench.speed_m_per_s(0) < 0.05, "dead");
@@ -191,10 +191,42 @@ fn faults_do_what_they_say() {
             .laboratory
             .set_fault(FaultRequest {
                 number: 1,
-                kind: FaultKind::DropFrames { fraction: 1.5 }
+                kind: lost(1.5, LostWay::Both)
             })
             .is_err()
     );
+}
+
+fn lost(fraction: f64, way: LostWay) -> FaultKind {
+    FaultKind::DropFrames { fraction, way }
+}
+
+#[test]
+fn a_link_that_is_cut_one_way_leaves_the_other() {
+    let description = reference();
+    let mut bench = Bench::new(&description, hidden(), 4);
+    bench.place(&[(1, -1.0, 0.0, 0.0), (2, 1.0, 0.0, 0.0)]);
+    let spin = |_: usize| wheels([4.0; 4]);
+    bench.drive_for(1.0, spin);
+    let read = |text: &str| serde_json::from_str::<FaultRequest>(text).expect("a fault");
+    for request in [
+        read(r#"{"number": 1, "kind": "drop_frames", "fraction": 1.0, "way": "down"}"#),
+        read(r#"{"number": 2, "kind": "drop_frames", "fraction": 1.0, "way": "up"}"#),
+    ] {
+        bench.laboratory.set_fault(request).expect("accepted");
+    }
+    bench.drive_for(1.5, spin);
+    let wheel = |robot: usize| bench.laboratory.units()[robot].firmware().set_point().wheel_rad_per_s[0];
+    assert!(
+        bench.telemetry[0].is_some() && wheel(0).abs() < 0.1,
+        "hears nothing, is heard"
+    );
+    assert!(
+        bench.telemetry[1].is_none() && wheel(1).abs() > 1.0,
+        "hears, is not heard"
+    );
+    let both = read(r#"{"number": 1, "kind": "drop_frames", "fraction": 0.5}"#);
+    assert_eq!(both.kind, lost(0.5, LostWay::Both));
 }
 
 #[test]

@@ -237,14 +237,17 @@ impl Ending {
                 RunState::Failed,
                 Whose::Platform,
                 "tracker_silent",
-                format!("The tracker sent nothing for more than {} ms.", TRACKER_FAIL_US / 1000),
+                format!(
+                    "No camera or tracker told anything new for more than {} ms.",
+                    TRACKER_FAIL_US / 1000
+                ),
             ),
             Self::PoseLost(index) => (
                 RunState::Failed,
                 Whose::Platform,
                 "pose_lost",
                 format!(
-                    "The tracker had no believable pose of {} for more than {} ms.",
+                    "No camera or tracker had a believable pose of {} for more than {} ms.",
                     name(index),
                     POSE_FAIL_US / 1000
                 ),

@@ -6,6 +6,7 @@ mod browser;
 pub mod circle;
 mod laboratory;
 mod live_reader;
+mod pose_watch;
 mod system;
 
 pub use archive::{Archive, ParquetSummary};
@@ -13,6 +14,7 @@ pub use bare_loop::{BareLoop, BareTicks};
 pub use browser::Browser;
 pub use laboratory::{ask_hand, ask_stop_port};
 pub use live_reader::{LiveReader, Seen};
+pub use pose_watch::{PoseWatch, instant_of};
 pub use system::{System, repository};
 
 use std::time::{Duration, Instant};

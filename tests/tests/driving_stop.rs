@@ -6,8 +6,8 @@ use anyhow::ensure;
 use api::run::RunState;
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
-use stop_rig::{PoseWatch, Service, StopRig};
-use system_tests::{System, repository};
+use stop_rig::{Service, StopRig};
+use system_tests::{PoseWatch, System, repository};
 
 /// From the press to the first stop frame of every robot, 99 of 100 presses.
 const FIRST_P99: Duration = Duration::from_millis(20);

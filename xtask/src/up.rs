@@ -52,11 +52,14 @@ pub struct UpArguments {
     #[arg(long)]
     pub docks: Option<PathBuf>,
     /// The emulated laboratory in virtual time: a run takes a second or two instead of its duration
-    #[arg(long, conflicts_with_all = ["no_lab", "tracker", "measure"])]
+    #[arg(long, conflicts_with_all = ["no_lab", "tracker", "measure", "truth"])]
     pub quick: bool,
     /// Write down when robots applied commands (logs/applied.csv)
     #[arg(long, hide = true)]
     pub measure: bool,
+    /// A tracker tells the robots' true poses beside the cameras (tracker.sock); the laboratory does not hear it
+    #[arg(long, hide = true)]
+    pub truth: bool,
     /// Take the programs and bundles as they are
     #[arg(long, hide = true)]
     pub skip_build: bool,

@@ -2,7 +2,7 @@
 
 use super::calibration::Calibration;
 use super::canvas::Canvas;
-use super::faults::{CameraFault, CameraFaults};
+use super::faults::{CameraFault, CameraFaults, Damage};
 use super::frame::FrameHeader;
 use super::optics::Optics;
 use super::problem::CameraProblem;
@@ -17,6 +17,8 @@ pub struct Picture<'a> {
     pub header: FrameHeader,
     /// Row by row from the top, 8 bits grey.
     pub pixels: &'a [u8],
+    /// What happens to it on the way.
+    pub damage: Option<Damage>,
 }
 
 /// An emulated camera.
@@ -106,17 +108,26 @@ impl Camera {
             );
             self.has_picture = true;
         }
+        let spoilt = Noise::new(self.seed ^ 0xDA_3A, sequence).uniform() < self.faults.damaged_fraction;
         let optics = self.canvas.optics();
+        let (width_px, full_px) = (optics.width_px, optics.height_px);
+        let height_px = if self.faults.wrong_size {
+            (full_px / 2).max(1)
+        } else {
+            full_px
+        };
+        let length = usize::from(width_px) * usize::from(height_px);
         Some(Picture {
             header: FrameHeader {
                 camera: self.index,
                 sequence,
                 mid_exposure_us,
                 exposure_us: self.settings.exposure_us,
-                width_px: optics.width_px,
-                height_px: optics.height_px,
+                width_px,
+                height_px,
             },
-            pixels: &self.pixels,
+            pixels: self.pixels.get(..length).unwrap_or_default(),
+            damage: self.faults.damage.filter(|_| spoilt),
         })
     }
 }

@@ -1,5 +1,6 @@
 //! Faults of a camera on demand, for drills and tests.
 
+use super::frame::HEADER_BYTES;
 use super::problem::{CameraProblem, within};
 use serde::{Deserialize, Serialize};
 
@@ -43,8 +44,39 @@ pub enum CameraFault {
     Dirt { spot: DirtSpot },
     /// The hall's light is off.
     LightOff,
+    /// Pictures of half their height, as of a camera in another mode.
+    WrongSize,
+    /// This share of frames is damaged on the way.
+    DamageFrames { fraction: f64, part: Damage },
     /// Ends all faults of the camera.
     None,
+}
+
+/// What of a frame is damaged on its way.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Damage {
+    /// A byte of the pixels: their CRC is wrong.
+    Pixels,
+    /// A byte of the header: its CRC is wrong.
+    Header,
+    /// The second half of the frame is missing; the next frame follows at once.
+    Rest,
+}
+
+impl Damage {
+    /// Does it to a frame's bytes.
+    pub fn spoil(self, frame: &mut Vec<u8>) {
+        let middle = (HEADER_BYTES + frame.len()) / 2;
+        let spoilt = match self {
+            Self::Pixels => middle,
+            Self::Header => HEADER_BYTES / 2,
+            Self::Rest => return frame.truncate(middle),
+        };
+        if let Some(byte) = frame.get_mut(spoilt) {
+            *byte ^= 0x10;
+        }
+    }
 }
 
 /// `{"camera": 0, "kind": "frozen"}`
@@ -64,6 +96,9 @@ pub struct CameraFaults {
     pub dead_pixels: Vec<DeadPixel>,
     pub dirt: Vec<DirtSpot>,
     pub light_off: bool,
+    pub wrong_size: bool,
+    pub damaged_fraction: f64,
+    pub damage: Option<Damage>,
 }
 
 impl CameraFaults {
@@ -98,6 +133,11 @@ impl CameraFaults {
                 self.dirt.push(spot);
             }
             CameraFault::LightOff => self.light_off = true,
+            CameraFault::WrongSize => self.wrong_size = true,
+            CameraFault::DamageFrames { fraction, part } => {
+                within("fraction", fraction, 0.0, 1.0, "give a share")?;
+                (self.damaged_fraction, self.damage) = (fraction, Some(part));
+            }
             CameraFault::None => *self = Self::default(),
         }
         Ok(())
@@ -128,11 +168,15 @@ mod tests {
             r#"{"camera":0,"kind":"dead_pixels","pixels":[{"u_px":1,"v_px":2,"value":255}]}"#,
             r#"{"camera":0,"kind":"dirt","spot":{"u_px":10,"v_px":20,"radius_px":5,"transmission":0.3}}"#,
             r#"{"camera":0,"kind":"light_off"}"#,
+            r#"{"camera":0,"kind":"wrong_size"}"#,
+            r#"{"camera":0,"kind":"damage_frames","fraction":0.5,"part":"header"}"#,
         ] {
             faults.apply(read(text).fault).expect("accepted");
         }
         assert!(faults.frozen && faults.light_off && faults.dropped_fraction == 0.25);
         assert_eq!((faults.dead_pixels.len(), faults.dirt.len()), (1, 1));
+        assert!(faults.wrong_size);
+        assert_eq!((faults.damaged_fraction, faults.damage), (0.5, Some(Damage::Header)));
         assert_eq!([3, 4, 5].map(|id| faults.seen_tag(id)), [5, 4, 3]);
         faults
             .apply(read(r#"{"camera":0,"kind":"none"}"#).fault)

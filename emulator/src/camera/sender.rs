@@ -1,5 +1,6 @@
 //! Frames to every reader of a local stream socket, in order; a slow reader loses frames and delays nobody.
 
+use super::faults::Damage;
 use super::frame::{FrameError, FrameHeader, encode};
 use crate::socket::SocketFile;
 use std::io::Write;
@@ -68,11 +69,16 @@ impl FrameSender {
     ///
     /// - Errors: pixels that do not fit the header; then nothing is sent.
     pub fn send(&mut self, header: &FrameHeader, pixels: &[u8]) -> Result<(), FrameError> {
+        self.send_with(header, pixels, None)
+    }
+
+    /// As [`Self::send`], with the frame damaged on its way.
+    pub fn send_with(&mut self, header: &FrameHeader, pixels: &[u8], damage: Option<Damage>) -> Result<(), FrameError> {
         self.poll();
         if self.readers.is_empty() {
             return Ok(());
         }
-        let frame = self.encoded(header, pixels)?;
+        let frame = self.encoded(header, pixels, damage)?;
         for reader in &self.readers {
             if reader
                 .queue
@@ -94,15 +100,27 @@ impl FrameSender {
     }
 
     /// The frame in a buffer that nobody reads any more, or in a new one.
-    fn encoded(&mut self, header: &FrameHeader, pixels: &[u8]) -> Result<Arc<Vec<u8>>, FrameError> {
+    fn encoded(
+        &mut self,
+        header: &FrameHeader,
+        pixels: &[u8],
+        damage: Option<Damage>,
+    ) -> Result<Arc<Vec<u8>>, FrameError> {
+        let write = |bytes: &mut Vec<u8>| -> Result<(), FrameError> {
+            encode(header, pixels, bytes)?;
+            if let Some(damage) = damage {
+                damage.spoil(bytes);
+            }
+            Ok(())
+        };
         for buffer in &mut self.buffers {
             if let Some(bytes) = Arc::get_mut(buffer) {
-                encode(header, pixels, bytes)?;
+                write(bytes)?;
                 return Ok(Arc::clone(buffer));
             }
         }
         let mut bytes = Vec::new();
-        encode(header, pixels, &mut bytes)?;
+        write(&mut bytes)?;
         let buffer = Arc::new(bytes);
         // each reader holds at most the frame it writes and those that wait
         if self.buffers.len() <= MAX_READERS * (MAX_WAITING_FRAMES + 1) {

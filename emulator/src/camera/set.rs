@@ -288,7 +288,7 @@ fn expose(
         });
     }
     match camera.expose(mid_exposure_us, &views) {
-        Some(picture) => sender.send(&picture.header, picture.pixels),
+        Some(picture) => sender.send_with(&picture.header, picture.pixels, picture.damage),
         None => {
             sender.poll();
             Ok(())

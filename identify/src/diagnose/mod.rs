@@ -556,7 +556,7 @@ fn compared(floor: &Floor, reference_metric: Option<&Metric>, train: &Prepared, 
     let mut runs = of(train);
     runs.extend(of(validation));
     let references = reference_metric.map_or_else(Vec::new, |metric| {
-        louder::levels(metric, &floor.references, &floor.residuals)
+        louder::levels(metric, &floor.references, &floor.left_out)
     });
     Compared { references, runs }
 }
@@ -570,7 +570,7 @@ fn levels(case: &mut Case, reference_metric: Option<&Metric>, train: &Prepared, 
     match reference_metric {
         Some(metric) => {
             let floor = &case.floor;
-            let energies = run_energies(metric, &floor.residuals);
+            let energies = run_energies(metric, &floor.left_out);
             let n = energies.len() as f64;
             let mean = energies.iter().sum::<f64>() / n;
             let variance = energies.iter().map(|e| (e - mean) * (e - mean)).sum::<f64>() / (n - 1.0).max(1.0);

@@ -22,6 +22,20 @@ const VARIATION_RUNS: f64 = 3.0;
 /// The same for friction, as a share of the described one, and the least in practical sizes.
 const FRICTION_VARIATION: f64 = 0.1;
 const LEAST_VARIATION: f64 = 0.01;
+/// The same for what is bolted or built in: no rigid body changes between two runs by more than a little warmth and wear.
+const RIGID_VARIATION: f64 = 0.03;
+const RIGID: [&str; 10] = [
+    "wheel_radius",
+    "wheel_radius_one",
+    "track_width",
+    "wheel_misalignment",
+    "marker_offset",
+    "imu_yaw",
+    "gyro_scale",
+    "pose_scale",
+    "steering_offset",
+    "steering_scale",
+];
 /// The same for battery and temperature, in knobs.
 const WEATHER_SIGMA: f64 = 1.0;
 const GAUSS_NEWTON_STEPS: usize = 3;
@@ -30,6 +44,8 @@ const LINEARISATIONS: usize = 2;
 /// References that the first of them takes.
 const FIRST_REFERENCES: usize = 4;
 const EXPECTATION_STEPS: usize = 12;
+/// With fewer references none is left out: the others would say too little.
+const FEWEST_LEFT_OUT: usize = 3;
 
 /// The calibrated model with everything that is known about its errors.
 #[derive(Debug, Clone)]
@@ -49,6 +65,8 @@ pub struct Floor {
     pub references: Vec<Record>,
     /// Of the references under the calibrated model.
     pub residuals: Vec<Vec<f64>>,
+    /// The same under a model calibrated on the others, to first order: what runs that nothing was calibrated on are held against.
+    pub left_out: Vec<Vec<f64>>,
     /// Sensitivities of the knobs on the references, `[knob][reference]`.
     pub sensitivities: Vec<Vec<Vec<f64>>>,
     /// Effects beyond the knobs that the references have as well; part of the model.
@@ -68,6 +86,7 @@ fn prior_variation(knob: &Knob, robot: &RobotDescription) -> f64 {
             let sigma = match *name {
                 "coulomb_friction" => of_friction(motor.map(|motor| motor.coulomb_n_m), *practical),
                 "viscous_friction" => of_friction(motor.map(|motor| motor.viscous_n_m_s), *practical),
+                rigid if RIGID.contains(&rigid) => RIGID_VARIATION,
                 _ => VARIATION_SIGMA,
             };
             sigma * sigma
@@ -113,6 +132,7 @@ impl Floor {
             uncertainty,
             references: Vec::new(),
             residuals: Vec::new(),
+            left_out: Vec::new(),
             sensitivities: Vec::new(),
             absorbed: Vec::new(),
         }
@@ -166,6 +186,7 @@ impl Floor {
         self.residuals = residuals;
         self.noise = NoiseModel::fitted(&self.given.description, &self.references, &self.residuals);
         self.estimate_variation();
+        self.leave_out();
     }
 
     /// Product over records with the knobs' sensitivities `[knob][record]`.
@@ -199,6 +220,7 @@ impl Floor {
         }
         self.noise = NoiseModel::fitted(&self.given.description, &self.references, &self.residuals);
         self.estimate_variation();
+        self.leave_out();
         let (mut information, _) = self.information();
         for k in 0..count {
             information.add(k, k, 1.0 / (DESCRIPTION_SIGMA * DESCRIPTION_SIGMA));
@@ -272,30 +294,75 @@ impl Floor {
         (gram, score)
     }
 
-    /// Sum over the references of S' V^-1 S and S' V^-1 y.
-    fn information(&self) -> (Square, Vec<f64>) {
+    /// S' V^-1 S and S' V^-1 y of one reference.
+    fn information_of(&self, reference: usize) -> (Square, Vec<f64>) {
         let count = self.knobs.len();
         let mut total = Square::zero(count);
         let mut scores = vec![0.0; count];
-        for reference in 0..self.references.len() {
-            let (gram, score) = self.moments(reference);
-            let mut inner = gram.clone();
-            for (k, variance) in self.variation.iter().enumerate() {
-                inner.add(k, k, 1.0 / variance.max(1e-12));
-            }
-            let inner = inner.cholesky();
-            let solved = inner.solve(&score);
-            for column in 0..count {
-                let g: Vec<f64> = (0..count).map(|row| gram.at(row, column)).collect();
-                scores[column] += score[column] - dot(&g, &solved);
-                let through = inner.solve(&g);
-                for row in 0..count {
-                    let back: f64 = (0..count).map(|k| gram.at(row, k) * through[k]).sum();
-                    total.add(row, column, gram.at(row, column) - back);
-                }
+        let (gram, score) = self.moments(reference);
+        let mut inner = gram.clone();
+        for (k, variance) in self.variation.iter().enumerate() {
+            inner.add(k, k, 1.0 / variance.max(1e-12));
+        }
+        let inner = inner.cholesky();
+        let solved = inner.solve(&score);
+        for column in 0..count {
+            let g: Vec<f64> = (0..count).map(|row| gram.at(row, column)).collect();
+            scores[column] = score[column] - dot(&g, &solved);
+            let through = inner.solve(&g);
+            for row in 0..count {
+                let back: f64 = (0..count).map(|k| gram.at(row, k) * through[k]).sum();
+                total.set(row, column, gram.at(row, column) - back);
             }
         }
         (total, scores)
+    }
+
+    /// The same of all references.
+    fn information(&self) -> (Square, Vec<f64>) {
+        let mut total = Square::zero(self.knobs.len());
+        let mut scores = vec![0.0; self.knobs.len()];
+        for reference in 0..self.references.len() {
+            let (information, score) = self.information_of(reference);
+            for (sum, more) in total.values.iter_mut().zip(&information.values) {
+                *sum += more;
+            }
+            for (sum, more) in scores.iter_mut().zip(&score) {
+                *sum += more;
+            }
+        }
+        (total, scores)
+    }
+
+    /// Residuals of every reference as if it had not been calibrated on, and the noise that they show. The calibration turns its many knobs
+    /// so that these very runs agree; others do so less.
+    ///
+    /// To first order: at the optimum the scores of all references cancel, so without reference r the knobs move by -(A - A_r)^-1 s_r.
+    fn leave_out(&mut self) {
+        self.left_out.clone_from(&self.residuals);
+        if self.references.len() < FEWEST_LEFT_OUT {
+            return;
+        }
+        let count = self.knobs.len();
+        let parts: Vec<(Square, Vec<f64>)> = (0..self.references.len()).map(|r| self.information_of(r)).collect();
+        for (r, (_, score)) in parts.iter().enumerate() {
+            let mut others = Square::zero(count);
+            for (_, (information, _)) in parts.iter().enumerate().filter(|(k, _)| *k != r) {
+                for (sum, more) in others.values.iter_mut().zip(&information.values) {
+                    *sum += more;
+                }
+            }
+            for k in 0..count {
+                others.add(k, k, 1.0 / (DESCRIPTION_SIGMA * DESCRIPTION_SIGMA));
+            }
+            let back = others.cholesky().solve(score);
+            for (knob, amount) in self.sensitivities.iter().zip(back) {
+                for (value, change) in self.left_out[r].iter_mut().zip(&knob[r]) {
+                    *value += amount * change;
+                }
+            }
+        }
+        self.noise = NoiseModel::fitted(&self.given.description, &self.references, &self.left_out);
     }
 
     /// Variances from run to run by expectation and maximisation, with the stated prior as further runs.

@@ -2,10 +2,6 @@
 //! with one that runs elsewhere.
 #![allow(dead_code, reason = "every test file uses its own part")]
 
-mod poses;
-
-pub use poses::PoseWatch;
-
 use anyhow::{Context, ensure};
 use robot::frame::{Payload, decode_for};
 use robot::key::Key;
@@ -16,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::{Duration, Instant};
-use system_tests::{ask_hand, ask_stop_port};
+use system_tests::{PoseWatch, ask_hand, ask_stop_port};
 
 const START_LIMIT: Duration = Duration::from_secs(30);
 
@@ -85,6 +81,8 @@ impl StopRig {
             .arg(folder.join("tracker.sock"))
             .arg("--hand")
             .arg(folder.join("hand.sock"))
+            .arg("--watchdog-log")
+            .arg(folder.join("watchdogs.csv"))
             .stdin(Stdio::null())
             .stdout(Stdio::null())
             .stderr(std::fs::File::create(folder.join("emulator.log"))?)
@@ -240,6 +238,16 @@ impl StopRig {
             ensure!(start.elapsed() < START_LIMIT, "{what}: in vain");
             std::thread::sleep(Duration::from_millis(5));
         }
+    }
+
+    /// What the emulator wrote of the robots' watchdogs, a line a change.
+    pub fn watchdog_log(&self) -> anyhow::Result<String> {
+        Ok(std::fs::read_to_string(self.folder.join("watchdogs.csv"))?)
+    }
+
+    /// The laboratory's log so far.
+    pub fn lab_log(&self) -> String {
+        std::fs::read_to_string(self.folder.join("lab.log")).unwrap_or_default()
     }
 
     /// Share of frames lost, each way, at every robot.

@@ -43,6 +43,7 @@ const fn ignored(name: &'static str, package: &'static str, binary: &'static str
 /// Shortest first; those that measure wall clock run alone, as all do here.
 pub const ROWS: &[Row] = &[
     drill("S1", "link-loss"),
+    ignored("S1-udp", "system-tests", "link_cuts", "a_hundred_links_are_cut"),
     drill("S2", "nuisance"),
     ignored("S2-robot", "robot", "cuts", ""),
     drill("S3", "blind"),

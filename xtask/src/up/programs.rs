@@ -59,6 +59,7 @@ pub struct Programs {
     docks: Option<PathBuf>,
     quick: bool,
     measure: bool,
+    truth: bool,
 }
 
 /// What of the laboratory is started.
@@ -75,6 +76,8 @@ pub struct Choice {
     pub quick: bool,
     /// Write down when robots applied commands.
     pub measure: bool,
+    /// True poses beside the cameras.
+    pub truth: bool,
 }
 
 impl Choice {
@@ -93,6 +96,7 @@ impl Choice {
             docks: arguments.docks.as_ref().map(absolute).transpose()?,
             quick: arguments.quick,
             measure: arguments.measure,
+            truth: arguments.truth,
         })
     }
 }
@@ -124,6 +128,7 @@ impl Programs {
             docks: choice.docks,
             quick: choice.quick,
             measure: choice.measure,
+            truth: choice.truth,
         };
         programs.check()?;
         if programs.with_lab {
@@ -318,9 +323,10 @@ impl Programs {
         if self.measure {
             command.arg("--applied-log").arg(self.data.join("logs/applied.csv"));
         }
-        if self.with_tracker {
+        if self.with_tracker || self.truth {
             command.arg("--tracker").arg(self.socket(TRACKER_SOCKET));
-        } else {
+        }
+        if !self.with_tracker {
             for camera in &CAMERAS {
                 let mut value = paths::root().join(camera.calibration).into_os_string();
                 value.push(",");

@@ -1,4 +1,4 @@
-//! Where the robots are, from the tracker's stream beside the laboratory.
+//! Where the robots are, from the emulator's tracker stream beside the laboratory.
 
 use anyhow::Context;
 use serde::Deserialize;
@@ -15,7 +15,6 @@ const KEPT: usize = 1200;
 #[derive(Debug, Deserialize)]
 struct Line {
     exposure_us: i64,
-    sent_us: i64,
     poses: Vec<Tracked>,
 }
 
@@ -28,6 +27,23 @@ struct Tracked {
 
 type Tracks = BTreeMap<u8, VecDeque<(Instant, [f64; 2])>>;
 
+/// A time of `CLOCK_MONOTONIC`, which is also the clock of [`Instant`] here.
+#[allow(unsafe_code)] // clock_gettime(2) has no safe wrapper in std
+pub fn instant_of(monotonic_us: i64) -> Instant {
+    let mut time = libc::timespec { tv_sec: 0, tv_nsec: 0 };
+    let now = Instant::now();
+    // SAFETY: the call writes one timespec, which is ours.
+    unsafe { libc::clock_gettime(libc::CLOCK_MONOTONIC, &mut time) };
+    let age_us = time.tv_sec * 1_000_000 + time.tv_nsec / 1000 - monotonic_us;
+    let age = Duration::from_micros(age_us.unsigned_abs());
+    let moved = if age_us < 0 {
+        now.checked_add(age)
+    } else {
+        now.checked_sub(age)
+    };
+    moved.unwrap_or(now)
+}
+
 /// See the module.
 pub struct PoseWatch(Arc<Mutex<Tracks>>);
 
@@ -38,13 +54,10 @@ impl PoseWatch {
         let written = tracks.clone();
         std::thread::spawn(move || {
             for line in BufReader::new(stream).lines() {
-                let arrived = Instant::now();
                 let Some(line) = line.ok().and_then(|line| serde_json::from_str::<Line>(&line).ok()) else {
                     return;
                 };
-                // The picture was taken this long before its line was sent.
-                let age = Duration::from_micros(line.sent_us.saturating_sub(line.exposure_us).max(0) as u64);
-                let taken = arrived.checked_sub(age).unwrap_or(arrived);
+                let taken = instant_of(line.exposure_us);
                 let mut tracks = written.lock().unwrap_or_else(PoisonError::into_inner);
                 for pose in line.poses {
                     let track = tracks.entry(pose.number).or_default();
