@@ -159,6 +159,7 @@ fn busy() -> (World, Vec<twin::robot::Robot>) {
         regions: vec![region(circle(0.5), at(0.5, 0.0, 0.0), 0.4)],
         tilt_x_rad: -0.01,
         tilt_y_rad: 0.03,
+        geofence: Vec::new(),
     };
     let placed = robots.iter().cloned().zip(poses).collect();
     (furnished(4.0, 3.0, contents, placed), robots)
@@ -375,6 +376,7 @@ proptest! {
             regions: regions.into_iter().map(|(shape, pose, scale)| region(shape, pose, scale)).collect(),
             tilt_x_rad: tilt.0,
             tilt_y_rad: tilt.1,
+            geofence: Vec::new(),
         };
         let possible = contents.check(&ARENA).is_empty();
         let driver = robot(diff4());

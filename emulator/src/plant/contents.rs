@@ -170,7 +170,7 @@ mod tests {
         let contents = PlantContents::new(lab.arena.contents.as_ref()).expect("all of it is known");
         // On the slippery patch, beside it, and in the pillar.
         assert!(contents.friction_scale([-0.9, 0.15]) == 0.5 && contents.friction_scale([1.0, 0.15]) == 1.0);
-        let pillar = api::experiment::Pose {
+        let pillar = Pose {
             x_m: 0.1,
             y_m: 0.3,
             yaw_rad: 0.0,
