@@ -74,13 +74,6 @@ impl Round<'_> {
         !core::ptr::eq(self.train.records, self.coarse.records)
     }
 
-    /// Share of the threshold that the training runs must give by themselves. As long as nothing is explained the rest may come from the validation
-    /// runs: what chance fits to the training runs costs on others about as much as it gained, so that both together pass the threshold of the training runs alone
-    /// even less often by chance. The rest that an explanation's laws leave is no chance, and is on all runs alike.
-    pub(super) fn share_of_training(&self) -> f64 {
-        if self.members.is_empty() { WANTED } else { 1.0 }
-    }
-
     /// Residuals of the windows that candidates are screened on, as a share of all.
     pub(super) fn share(&self) -> f64 {
         let count = |side: &Side| side.residuals.iter().map(Vec::len).sum::<usize>().max(1) as f64;
@@ -223,7 +216,7 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Sensitivities) -> R
         data.members.iter().any(own)
     };
     let mut order: Vec<usize> = (0..data.candidates.len())
-        .filter(|c| scores[*c].gain > data.share_of_training() * threshold && !is_member(&data.candidates[*c]))
+        .filter(|c| scores[*c].gain > threshold && !is_member(&data.candidates[*c]))
         .filter(|c| !kept.is_vain(*c, scores[*c].gain))
         .collect();
     order.sort_by(|a, b| scores[*b].gain.total_cmp(&scores[*a].gain).then(a.cmp(b)));
