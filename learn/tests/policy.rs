@@ -45,7 +45,7 @@ fn network(dice: &mut Dice) -> Model {
                 .constant(&name("add"), &[next], &bias)
                 .node("Add", &[&name("add")], &[])
         };
-        let (row, one, away) = (name("row"), name("one"), name("away"));
+        let (row, one, away) = (name("side"), name("one"), name("away"));
         sequence = sequence
             .constant(&row, &[1, next], &dice.numbers(next, 1.0))
             .constant(&one, &[], &[dice.number(0.2, 0.9)])

@@ -206,7 +206,7 @@ mod tests {
     #[test]
     fn a_row_stands_for_its_parts_and_a_part_for_itself() {
         assert_eq!(names(&["s10"]), ["S10", "S10-driving"]);
-        assert_eq!(names(&["S10-driving", "S1"]), ["S1", "S10-driving"]);
+        assert_eq!(names(&["S10-driving", "S1"]), ["S1", "S1-udp", "S10-driving"]);
         assert_eq!(names(&[]).len(), ROWS.len());
         let unknown = chosen(&["S99".to_owned()]).unwrap_err().to_string();
         assert!(unknown.contains("S99") && unknown.contains("S5-search"), "{unknown}");
