@@ -106,7 +106,7 @@ mod tests {
                 .all(|name| !name.is_empty() && name.len() < 32 && !name.contains('_')),
             "{names:?}"
         );
-        assert_eq!(law_explained(OWN), "A script or a WebAssembly module");
+        assert_eq!(law_explained(OWN), "A script, a WebAssembly module or a policy (ONNX)");
     }
 
     #[test]

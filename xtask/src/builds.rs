@@ -15,7 +15,7 @@ use crate::{page, paths, run};
 type Digests = BTreeMap<String, String>;
 
 /// Fewer traces than this are not the gallery.
-const LEAST_TRACES: usize = 410;
+const LEAST_TRACES: usize = 500;
 /// Longest run of all traces in the browser; a few seconds are usual.
 const BROWSER_LIMIT: Duration = Duration::from_secs(180);
 /// AVX2 and fused multiply-add, as on every desktop processor since 2013.
