@@ -165,7 +165,7 @@ impl Team {
         self.law.step(&observation, &mut self.demands);
         match self.law.standing() {
             Standing::Answered => {}
-            Standing::Late => return self.missed_tick(),
+            Standing::Late => return self.missed_tick(observations),
             Standing::Faulty(_) => {
                 self.tick += 1;
                 return self.stop_all();
@@ -202,9 +202,9 @@ impl Team {
     }
 
     /// Commands for a tick whose deadline has passed: those of the tick before, decelerated; from the second in a row
-    /// on, stop. The law is not asked.
-    pub fn missed_tick(&mut self) -> &[TeamOutput] {
-        for (out, late) in self.outputs.iter_mut().zip(self.filter.missed_tick()) {
+    /// on, stop. The law is not asked. Robots that are not seen well enough to be driven stop at once.
+    pub fn missed_tick(&mut self, observations: &[RobotObservation]) -> &[TeamOutput] {
+        for (out, late) in self.outputs.iter_mut().zip(self.filter.missed_tick(observations)) {
             out.safe = late.command;
             out.intervention = late.intervention;
         }

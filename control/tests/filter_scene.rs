@@ -254,7 +254,7 @@ fn a_missed_tick_decelerates_and_the_second_stops() {
     let robots = [seen(-1.0, 0.0, 0.0), seen(1.0, 0.0, 1.0)];
     let wanted = [twist(0.3, 0.4, 0.0), twist(0.5, 0.0, 0.25)];
     filter.apply(&robots, &wanted);
-    let late = filter.missed_tick().to_vec();
+    let late = filter.missed_tick(&robots).to_vec();
     let factor = late[0].command.twist().forward_m_per_s / 0.3;
     // The second robot's rim is the fastest: 0.5 m/s and 0.25 m at 0.25 rad/s. Both keep the same share.
     assert!((factor - (1.0 - 2.0 * TICK_S / 0.5625)).abs() < 1e-9, "{factor}");
@@ -265,14 +265,43 @@ fn a_missed_tick_decelerates_and_the_second_stops() {
         (arc.yaw_rate_rad_per_s / arc.forward_m_per_s - 0.5).abs() < 1e-9,
         "the arc is kept"
     );
-    for filtered in filter.missed_tick() {
+    for filtered in filter.missed_tick(&robots) {
         assert_eq!(filtered.command.twist(), BodyTwist::default());
     }
     filter.apply(&robots, &wanted);
     assert!(
-        filter.missed_tick()[0].command.twist().speed_m_per_s() > 0.4,
+        filter.missed_tick(&robots)[0].command.twist().speed_m_per_s() > 0.4,
         "counted anew after a tick in time"
     );
+}
+
+#[test]
+fn a_robot_that_is_not_seen_stops_on_a_missed_tick_too() {
+    let old = Limits::default().oldest_pose_s + 1e-3;
+    for (cause, unseen) in [
+        (Cause::PoseAge, |robot: &mut RobotObservation, old: f64| {
+            robot.pose_age_s = old
+        }),
+        (Cause::Offline, |robot: &mut RobotObservation, _| robot.online = false),
+        (Cause::NotFinite, |robot: &mut RobotObservation, _| {
+            robot.pose.x_m = f64::NAN
+        }),
+    ] as [(Cause, fn(&mut RobotObservation, f64)); 3]
+    {
+        let bodies = vec![body("omni-01", 0.25), body("omni-01", 0.25)];
+        let mut filter = SafetyFilter::new(Limits::default(), ARENA_M, bodies);
+        let mut robots = [seen(-1.0, 0.0, 0.0), seen(1.0, 0.0, 1.0)];
+        filter.apply(&robots, &[twist(0.3, 0.4, 0.0), twist(0.5, 0.0, 0.0)]);
+        unseen(&mut robots[0], old);
+        let late = filter.missed_tick(&robots);
+        assert_eq!(late[0].command.twist(), BodyTwist::default(), "{cause:?}");
+        assert_eq!(late[0].intervention.expect("record").cause, cause);
+        assert!(late[1].command.twist().speed_m_per_s() > 0.4, "{cause:?}");
+        assert_eq!(late[1].intervention.expect("record").cause, Cause::Late);
+    }
+    let mut filter = SafetyFilter::new(Limits::default(), ARENA_M, vec![body("omni-01", 0.25)]);
+    filter.apply(&[seen(0.0, 0.0, 0.0)], &[twist(0.3, 0.4, 0.0)]);
+    assert_eq!(filter.missed_tick(&[])[0].command.twist(), BodyTwist::default());
 }
 
 /// After mixing: wheels within their share, and the wheels move the body exactly as the command's twist says.

@@ -14,6 +14,8 @@ use twin::world::Contents;
 
 const ARENA_M: [f64; 2] = [4.0, 3.0];
 const RADIUS_M: f64 = 0.25;
+/// Oldest pose that a robot may be driven by.
+const OLDEST_S: f64 = 0.1;
 /// What the rows may be missed by in what is sent.
 const RESIDUAL_M_PER_S: f64 = 1e-6;
 /// Also what a learned model or a broken tracker may say.
@@ -235,7 +237,12 @@ fn attack(calls: u64, seed: u64) -> Seen {
         match random.next() % 64 {
             0 => team.filter.reset(),
             1 => {
-                let filtered = team.filter.missed_tick().to_vec();
+                let (robots, _) = states(&mut random, n);
+                let filtered = team.filter.missed_tick(&robots).to_vec();
+                let unseen = |robot: &RobotObservation| !robot.online || !(0.0..=OLDEST_S).contains(&robot.pose_age_s);
+                for (f, _) in filtered.iter().zip(&robots).filter(|(_, robot)| unseen(robot)) {
+                    assert_eq!(f.command.twist(), BodyTwist::default(), "driven unseen");
+                }
                 filtered
                     .iter()
                     .zip(&team.robots)

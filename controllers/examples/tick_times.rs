@@ -3,12 +3,14 @@
 use std::time::Instant;
 
 use controllers::answer::Answer;
-use controllers::gallery::{MODULE, SCRIPTS};
+use controllers::gallery::{MODULE, POLICY, SCRIPTS};
 use controllers::limits;
+use controllers::policy::KEY;
 use controllers::program::{Program, compile};
 use controllers::ranges::BEAMS;
 use controllers::source::Source;
 use controllers::view::{Chassis, Member, Place, Seen, Setup, View};
+use onnx::Sequence;
 
 const TICKS: usize = 2_000;
 
@@ -49,6 +51,23 @@ fn view(robots: usize, tick: u64) -> View {
         time_s: tick as f64 / 120.0,
         robots: (0..robots).map(seen).collect(),
     }
+}
+
+/// Two inputs, `WIDE` numbers three times, a twist: near the bytes that a file may have and, for two robots, the operations.
+fn largest_policy() -> Vec<u8> {
+    const WIDE: usize = 340;
+    let weights = |from: usize, to: usize| vec![0.5 / from as f32; from * to];
+    let manifest = r#"{"format": "robopheus.policy/1", "observation": ["goal_forward_m", "goal_left_m"], "command": "twist",
+        "rate_hz": 120, "limits": [0.3, 0.3, 1.5]}"#;
+    Sequence::new("observation", 2)
+        .linear(&weights(2, WIDE), &[0.1; WIDE])
+        .node("Tanh", &[], &[])
+        .linear(&weights(WIDE, WIDE), &[0.1; WIDE])
+        .node("Relu", &[], &[])
+        .linear(&weights(WIDE, WIDE), &[0.1; WIDE])
+        .node("Relu", &[], &[])
+        .linear(&weights(WIDE, 3), &[0.0; 3])
+        .file("command", 3, &[(KEY, manifest)])
 }
 
 /// Milliseconds of each tick, sorted; `None` when the program was stopped by its limits.
@@ -106,7 +125,13 @@ fn main() {
         let program = compile(&Source::module(MODULE), &setup(robots));
         let times_ms = program.ok().and_then(|mut program| time(program.as_mut(), robots));
         line("module go_to_point", robots, times_ms);
+        let program = compile(&Source::policy(POLICY), &setup(robots));
+        let times_ms = program.ok().and_then(|mut program| time(program.as_mut(), robots));
+        line("policy go_to_point", robots, times_ms);
     }
+    let program = compile(&Source::policy(&largest_policy()), &setup(2));
+    let times_ms = program.ok().and_then(|mut program| time(program.as_mut(), 2));
+    line("policy, as large as allowed", 2, times_ms);
     println!(
         "script: {} operations, module: {} fuel",
         limits::SCRIPT_OPERATIONS,

@@ -13,6 +13,10 @@ const KINDS: [&str; 5] = ["one robot not seen", "all dark", "frozen", "jump", "s
 /// Asked of each kind, and one tick of the loop, the grain of it.
 const ASKED_S: [f64; 5] = [0.1, 0.1, 0.2, 0.1, 0.1];
 const TICK_S: f64 = 1.0 / 120.0;
+/// Oldest pose that a robot may be driven by.
+const OLDEST_US: i64 = 100_000;
+/// Share of ticks that come too late for new commands, in every other trial.
+const LATE: f64 = 0.2;
 const LIE_S: f64 = 0.6;
 /// Wheels have turned noticeably.
 const TRAVELLED_M: f64 = 0.02;
@@ -28,6 +32,8 @@ struct Trial {
     moved: bool,
     /// Poses that lie and were believed.
     believed: u64,
+    /// Commands to move on a pose that is too old.
+    old: u64,
     separation_m: f64,
 }
 
@@ -63,6 +69,7 @@ struct Heard {
     /// Robots whose wheels are told to turn.
     moving: [bool; ROBOTS],
     believed: [bool; ROBOTS],
+    old: u64,
 }
 
 fn tick(rig: &mut Rig) -> Heard {
@@ -71,14 +78,17 @@ fn tick(rig: &mut Rig) -> Heard {
     let mut heard = Heard {
         moving: [false; ROBOTS],
         believed: [false; ROBOTS],
+        old: 0,
     };
     let place = |number: u8| usize::from(number).wrapping_sub(1);
     for record in &rig.records {
         match record {
             Record::Command(one) => {
+                let moves = one.enable && one.wheel_rad_per_s.iter().any(|wheel| wheel.abs() > 1e-9);
                 if let Some(moving) = heard.moving.get_mut(place(one.robot)) {
-                    *moving = one.enable && one.wheel_rad_per_s.iter().any(|wheel| wheel.abs() > 1e-9);
+                    *moving = moves;
                 }
+                heard.old += u64::from(moves && one.pose_age_us > OLDEST_US);
             }
             Record::Pose(one) => {
                 if let Some(believed) = heard.believed.get_mut(place(one.robot)) {
@@ -130,10 +140,16 @@ fn trial(kind: usize, number: u64, seed: u64) -> Result<Trial> {
     let mut since_s: [Option<f64>; ROBOTS] = [(kind != 2).then_some(0.0); ROBOTS];
     let mut travelled_m = [0.0; ROBOTS];
     let mut stopped_s: [Option<f64>; ROBOTS] = [None; ROBOTS];
-    let mut believed = 0;
+    let (mut believed, mut old, mut late) = (0, 0, false);
     while ((rig.now_us() - begin_us) as f64) * 1e-6 < LIE_S {
         let now_s = (rig.now_us() - begin_us) as f64 * 1e-6;
+        // Two in a row would stop all robots, seen or not.
+        late = number % 2 == 1 && !late && random.uniform() < LATE;
+        if late {
+            rig.pilot_mut().overdue(1);
+        }
         let heard = tick(&mut rig);
+        old += heard.old;
         for robot in 0..ROBOTS {
             travelled_m[robot] += rig.speed_m_per_s(robot) * TICK_S;
             if travelled_m[robot] > TRAVELLED_M && since_s[robot].is_none() {
@@ -161,6 +177,7 @@ fn trial(kind: usize, number: u64, seed: u64) -> Result<Trial> {
         stop_s: waits.map(|waits| waits.into_iter().fold(0.0, f64::max)),
         moved,
         believed,
+        old,
         separation_m: separation.robots_m.min(separation.walls_m),
     })
 }
@@ -188,6 +205,7 @@ pub fn run(count: u64, seed: u64, threads: usize) -> Result<Vec<Row>> {
         let late = late.count();
         let moved = trials.iter().filter(|trial| trial.moved).count();
         let believed = trials.iter().filter(|trial| trial.believed > 0).count();
+        let old = trials.iter().filter(|trial| trial.old > 0).count();
         separation_m = trials
             .iter()
             .map(|trial| trial.separation_m)
@@ -198,11 +216,11 @@ pub fn run(count: u64, seed: u64, threads: usize) -> Result<Vec<Row>> {
             count,
             seed,
             figure: format!(
-                "{:.0} ms, {late} late, {moved} moved, {believed} believed",
+                "{:.0} ms, {late} late, {moved} moved, {believed} believed, {old} on old poses",
                 1e3 * longest_s
             ),
-            asked: format!("<= {:.0} ms + tick, 0 believed", 1e3 * asked_s),
-            holds: late == 0 && believed == 0 && moved as u64 * 2 >= count,
+            asked: format!("<= {:.0} ms + tick, 0 believed, 0 old", 1e3 * asked_s),
+            holds: late == 0 && believed == 0 && old == 0 && moved as u64 * 2 >= count,
         });
     }
     rows.push(Row {

@@ -330,10 +330,10 @@ impl Pilot {
         self.team.filter_mut().see_moving(self.strangers.discs(now_us));
         let overdue = std::mem::take(&mut self.overdue);
         for _ in 1..overdue {
-            self.team.missed_tick();
+            self.team.missed_tick(&self.observations);
         }
         let outputs = if overdue > 0 {
-            self.team.missed_tick()
+            self.team.missed_tick(&self.observations)
         } else {
             self.team.tick(&self.observations)
         };

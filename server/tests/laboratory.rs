@@ -310,7 +310,7 @@ async fn a_waiting_laboratory_is_woken_by_a_new_run() {
     service.register_lab().await;
     let empty = json!({"lab": "reference-lab", "arena": "reference", "instance": Uuid::now_v7(), "wait_s": 0.0});
     assert_eq!(service.lab("/lab/claim", &empty).await, Value::Null);
-    let (run, attempt) = tokio::join!(service.queued_run(), service.claim());
+    let (run, attempt) = tokio::join!(service.queue_run(), service.claim());
     assert_eq!(run, attempt.run);
     let begun = Instant::now();
     let patient = json!({"lab": "reference-lab", "arena": "reference", "instance": Uuid::now_v7(), "wait_s": 1.0});

@@ -308,20 +308,28 @@ impl SafetyFilter {
     }
 
     /// Commands of a tick whose deadline has passed: those of the tick before, decelerated; from the second in a row on, stop.
-    pub fn missed_tick(&mut self) -> &[Filtered] {
+    /// Robots that may not move at all by what is seen of them ([`SafetyFilter::apply`]) stop at once.
+    pub fn missed_tick(&mut self, observations: &[RobotObservation]) -> &[Filtered] {
         self.missed_ticks = self.missed_ticks.saturating_add(1);
         if self.missed_ticks > 1 {
             self.stop_with(Some(Cause::Late));
             return &self.filtered;
         }
         for i in 0..self.chassis.len() {
-            self.kept[i] = self.kept_among(i, |_| true);
+            self.stops[i] = self.must_stop(i, observations.get(i), &BodyTwist::default());
+        }
+        for i in 0..self.chassis.len() {
+            self.kept[i] = self.kept_among(i, |k| self.stops[k].is_none());
         }
         for i in 0..self.chassis.len() {
             let before = self.filtered[i].command.twist;
-            let command = self.slower(i);
+            let command = match self.stops[i] {
+                Some(_) => stop_holding(self.steering_rad[i]),
+                None => self.slower(i),
+            };
             self.send(i, command);
-            let intervention = Some(record(Cause::Late, before, command.twist, Strongest::NONE));
+            let cause = self.stops[i].unwrap_or(Cause::Late);
+            let intervention = Some(record(cause, before, command.twist, Strongest::NONE));
             self.filtered[i] = Filtered { command, intervention };
         }
         &self.filtered

@@ -25,11 +25,22 @@ pub fn check(scenario: &Scenario, problems: &mut Problems) {
         problems.add("targets", message, format!("{least} to {MAX_TARGETS} targets"), remedy);
     }
     let mut counts = vec![0_u32; experiment.robots.len().max(1)];
+    let fence = Geofence::of(&scenario.arena.contents).ok().flatten();
     for (t, target) in targets.iter().enumerate().take(MAX_TARGETS) {
         let Some(index) = owner(scenario, t, target, rule, problems) else {
             continue;
         };
         check_place(scenario, t, target, index, problems);
+        if let Some(fence) = &fence {
+            let radius_m = largest_radius_m(scenario, index);
+            in_fence(
+                problems,
+                format!("targets[{t}]"),
+                fence,
+                [target.x_m, target.y_m],
+                radius_m,
+            );
+        }
         check_yaw(t, target, rule, spec.name, problems);
         let slot = index.unwrap_or(0);
         counts[slot] += 1;
@@ -107,13 +118,18 @@ fn too_many(scenario: &Scenario, t: usize, index: Option<usize>, rule: TargetRul
     }
 }
 
-/// Inside the walls and outside obstacles, for the robot or, if it may be any, for the largest.
-fn check_place(scenario: &Scenario, t: usize, target: &Target, index: Option<usize>, problems: &mut Problems) {
+/// Radius of the robot or, when it may be any, of the largest.
+fn largest_radius_m(scenario: &Scenario, index: Option<usize>) -> f64 {
     let robots = scenario.experiment.robots.len().min(MAX_ROBOTS);
-    let radius_m = match index {
+    match index {
         Some(index) => radius_m(scenario, index),
         None => (0..robots).map(|i| radius_m(scenario, i)).fold(0.0, f64::max),
-    };
+    }
+}
+
+/// Inside the walls and outside obstacles, for the robot or, if it may be any, for the largest.
+fn check_place(scenario: &Scenario, t: usize, target: &Target, index: Option<usize>, problems: &mut Problems) {
+    let radius_m = largest_radius_m(scenario, index);
     let axes = [
         ("x_m", target.x_m, scenario.arena.width_m),
         ("y_m", target.y_m, scenario.arena.height_m),
@@ -125,15 +141,6 @@ fn check_place(scenario: &Scenario, t: usize, target: &Target, index: Option<usi
     if let Some((at, overlap_m)) = contents.fixed_overlap_m(target.x_m, target.y_m, radius_m) {
         let name = &contents.fixed[at].name;
         in_obstacle(problems, format!("targets[{t}]"), name, [overlap_m, radius_m]);
-    }
-    if let Ok(Some(fence)) = Geofence::of(contents) {
-        in_fence(
-            problems,
-            format!("targets[{t}]"),
-            &fence,
-            [target.x_m, target.y_m],
-            radius_m,
-        );
     }
 }
 

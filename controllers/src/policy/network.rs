@@ -111,6 +111,8 @@ fn positive(x: f32) -> f32 {
 #[derive(Debug, Clone)]
 pub struct Network {
     rows: Vec<Vec<f32>>,
+    /// Of the linear part that is worked on.
+    sums: Vec<f64>,
     steps: Vec<Step>,
     input: Slot,
     output: Slot,
@@ -141,6 +143,7 @@ impl Network {
             .ok_or_else(|| format!("no node gives `{OUTPUT}`"))?;
         Ok(Network {
             rows: reader.rows,
+            sums: Vec::new(),
             steps: reader.steps,
             input,
             output,
@@ -171,14 +174,14 @@ impl Network {
     /// The command for the observation.
     pub fn evaluate(&mut self) -> &[f32] {
         for step in &self.steps {
-            step.take(&mut self.rows);
+            step.take(&mut self.rows, &mut self.sums);
         }
         &self.rows[self.output]
     }
 }
 
 impl Step {
-    fn take(&self, rows: &mut [Vec<f32>]) {
+    fn take(&self, rows: &mut [Vec<f32>], sums: &mut Vec<f64>) {
         // The row that is written is taken out meanwhile; nodes come after those that they read.
         let (Step::Linear { to, .. } | Step::Two { to, .. } | Step::One { to, .. } | Step::Concat { to, .. }) = self;
         let mut row = std::mem::take(&mut rows[*to]);
@@ -186,14 +189,15 @@ impl Step {
             Step::Linear {
                 from, weights, bias, ..
             } => {
-                let (given, width) = (&rows[*from], row.len());
-                for (j, (out, bias)) in row.iter_mut().zip(bias).enumerate() {
-                    let column = weights.iter().skip(j).step_by(width);
-                    let sum: f64 = given
-                        .iter()
-                        .zip(column)
-                        .map(|(a, w)| f64::from(*a) * f64::from(*w))
-                        .sum();
+                // As the weights lie in memory; every sum still takes the inputs in their order.
+                sums.clear();
+                sums.resize(row.len(), 0.0);
+                for (given, weights) in rows[*from].iter().zip(weights.chunks_exact(row.len())) {
+                    for (sum, weight) in sums.iter_mut().zip(weights) {
+                        *sum += f64::from(*given) * f64::from(*weight);
+                    }
+                }
+                for ((out, sum), bias) in row.iter_mut().zip(sums.iter()).zip(bias) {
                     *out = (sum + f64::from(*bias)) as f32;
                 }
             }

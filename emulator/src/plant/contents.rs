@@ -165,8 +165,10 @@ mod tests {
 
     #[test]
     fn the_furnished_example_can_be_emulated() {
-        let lab: api::lab::LabDescription =
-            serde_json::from_str(include_str!("../../../examples/lab/furnished.json")).expect("a laboratory");
+        let read = |text: &str| -> api::lab::LabDescription { serde_json::from_str(text).expect("a laboratory") };
+        let lab = read(include_str!("../../../examples/lab/furnished.json"));
+        let reference = read(include_str!("../../../examples/lab/reference.json"));
+        assert_eq!(lab.robots, reference.robots, "the same robots in another room");
         let contents = PlantContents::new(lab.arena.contents.as_ref()).expect("all of it is known");
         // On the slippery patch, beside it, and in the pillar.
         assert!(contents.friction_scale([-0.9, 0.15]) == 0.5 && contents.friction_scale([1.0, 0.15]) == 1.0);

@@ -399,3 +399,141 @@ impl Floor {
         (t / 2.576) * (t / 2.576)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Random;
+    use crate::record::{Cell, Chain, Quantity, Window};
+    use twin::effect::library::find;
+    use twin::free::Start;
+
+    const CELLS: usize = 300;
+
+    fn record() -> Record {
+        let cell = |k: usize| Cell {
+            quantity: Quantity::Gyro,
+            time_s: 0.05 * k as f64,
+            measured: 0.0,
+            activity: 0.0,
+            samples: (0, 0),
+        };
+        let window = Window {
+            start_s: 0.0,
+            from_s: 0.0,
+            to_s: 15.0,
+            elapsed_s: 0.0,
+            start: Start::default(),
+            drive: Chain {
+                cells: (0..CELLS).map(cell).collect(),
+                ..Chain::default()
+            },
+            rolling: None,
+            wheel_angle_rad: Vec::new(),
+            load: Vec::new(),
+        };
+        Record {
+            name: "reference".to_owned(),
+            windows: vec![window],
+            input: None,
+            supply_ratio: 1.0,
+            largest_command_rad_per_s: 0.0,
+            outliers: 0,
+            skipped: 0,
+        }
+    }
+
+    /// Two knobs, and residuals that depend on them linearly: calibrated on `kept`, from what is measured with the knobs at 0.
+    fn knobs_of(floor: &Floor, kept: &[usize]) -> Vec<f64> {
+        let mut system = Square::zero(2);
+        let mut right = vec![0.0; 2];
+        for reference in kept {
+            let (information, score) = floor.information_of(*reference);
+            for k in 0..2 {
+                right[k] += score[k];
+                for l in 0..2 {
+                    system.add(k, l, information.at(k, l));
+                }
+            }
+        }
+        for k in 0..2 {
+            system.add(k, k, 1.0 / (DESCRIPTION_SIGMA * DESCRIPTION_SIGMA));
+        }
+        system.cholesky().solve(&right)
+    }
+
+    fn without_knobs(floor: &Floor, measured: &[Vec<f64>], values: &[f64]) -> Vec<Vec<f64>> {
+        let cell = |r: usize, i: usize| {
+            measured[r][i] - values[0] * floor.sensitivities[0][r][i] - values[1] * floor.sensitivities[1][r][i]
+        };
+        (0..measured.len())
+            .map(|r| (0..CELLS).map(|i| cell(r, i)).collect())
+            .collect()
+    }
+
+    /// In a linear world the first order is all there is: each is what calibrating on the others really leaves of it.
+    #[test]
+    fn a_reference_that_is_left_out_is_as_if_it_had_not_been_calibrated_on() {
+        let mut random = Random::new(5, 1);
+        let mut draw = |size: f64| -> Vec<Vec<f64>> {
+            (0..4)
+                .map(|_| (0..CELLS).map(|_| size * random.normal()).collect())
+                .collect()
+        };
+        let given = Hypothesis {
+            description: twin::golden::reference_robot("diff2"),
+            effects: Vec::new(),
+            residual: None,
+        };
+        let mut floor = Floor::stated(given, vec![Knob::Supply(0.02), Knob::Resistance(0.05)]);
+        floor.references = vec![record(); 4];
+        floor.sensitivities = vec![draw(0.05), draw(0.03)];
+        let measured = draw(0.1);
+        // The scores are those of what is measured with the knobs at 0; weights and variations stay as stated.
+        floor.residuals.clone_from(&measured);
+        let all = knobs_of(&floor, &[0, 1, 2, 3]);
+        let exact: Vec<Vec<f64>> = (0..4)
+            .map(|r| {
+                let others: Vec<usize> = (0..4).filter(|k| *k != r).collect();
+                without_knobs(&floor, &measured, &knobs_of(&floor, &others)).swap_remove(r)
+            })
+            .collect();
+        floor.residuals = without_knobs(&floor, &measured, &all);
+        floor.leave_out();
+        let energy = |values: &[f64]| values.iter().map(|value| value * value).sum::<f64>();
+        for (r, exact) in exact.iter().enumerate() {
+            let apart: Vec<f64> = floor.left_out[r].iter().zip(exact).map(|(a, b)| a - b).collect();
+            assert!(energy(&apart) < 1e-18 * energy(exact), "{r}: {}", energy(&apart));
+            assert!(
+                energy(exact) > energy(&floor.residuals[r]),
+                "{r}: calibrated on, it agrees better"
+            );
+        }
+        // With two references the other one alone would say too little.
+        floor.references.truncate(2);
+        floor.residuals.truncate(2);
+        floor.leave_out();
+        assert_eq!(floor.left_out, floor.residuals);
+    }
+
+    #[test]
+    fn rigid_parts_vary_least() {
+        let robot = twin::golden::reference_robot("diff2");
+        let of = |name: &'static str| {
+            let knob = Knob::Parameter {
+                name,
+                index: None,
+                parameter: "",
+                neutral: 0.0,
+                practical: 1.0,
+                low: -1.0,
+                high: 1.0,
+            };
+            prior_variation(&knob, &robot).sqrt()
+        };
+        for name in RIGID {
+            assert!(find(name).is_some(), "{name} is no effect");
+            assert!(of(name) < 0.3 * of("payload"), "{name}");
+        }
+    }
+}

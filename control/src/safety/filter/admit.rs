@@ -34,9 +34,9 @@ impl SafetyFilter {
         self.slowing[i] = false;
         self.swung[i] = false;
         self.steered_out[i] = false;
-        let late = || (!self.latency_known[i]).then_some(Cause::Latency);
-        let stop = stop_cause(observation, wanted, &limits).or_else(late);
+        let stop = self.must_stop(i, observation, wanted);
         self.stops[i] = stop;
+        let place = &mut self.places[i];
         place.movable = stop.is_none();
         let Some(seen) = observation.filter(|seen| seen.pose.is_finite()) else {
             place.velocity = [0.0, 0.0];
@@ -77,6 +77,17 @@ impl SafetyFilter {
         if place.movable {
             self.wish(i, wanted, intended);
         }
+    }
+
+    /// Why a robot may not move at all.
+    pub(super) fn must_stop(
+        &self,
+        i: usize,
+        observation: Option<&RobotObservation>,
+        wanted: &BodyTwist,
+    ) -> Option<Cause> {
+        let late = || (!self.latency_known[i]).then_some(Cause::Latency);
+        stop_cause(observation, wanted, &self.limits).or_else(late)
     }
 
     /// Desired numbers of a robot that may move: its own wish or the way round a deadlock.
@@ -170,7 +181,6 @@ impl SafetyFilter {
     }
 }
 
-/// Why a robot may not move at all.
 fn stop_cause(observation: Option<&RobotObservation>, wanted: &BodyTwist, limits: &Limits) -> Option<Cause> {
     let Some(seen) = observation else {
         return Some(Cause::Offline);
