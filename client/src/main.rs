@@ -6,6 +6,7 @@
 mod commands;
 mod import;
 mod output;
+mod program;
 mod settings;
 
 use clap::{Parser, Subcommand};

@@ -3,55 +3,14 @@
 use std::time::Instant;
 
 use controllers::answer::Answer;
-use controllers::gallery::{MODULE, POLICY, SCRIPTS};
 use controllers::limits;
 use controllers::policy::KEY;
-use controllers::program::{Program, compile};
-use controllers::ranges::BEAMS;
+use controllers::program::compile;
 use controllers::source::Source;
-use controllers::view::{Chassis, Member, Place, Seen, Setup, View};
+use controllers::workload::{Workload, programs, setup, view};
 use onnx::Sequence;
 
 const TICKS: usize = 2_000;
-
-fn setup(robots: usize) -> Setup {
-    let member = |robot: usize| Member {
-        name: format!("robot-{robot}"),
-        drive: Chassis::Holonomic,
-        turning_radius_m: 0.0,
-        radius_m: 0.2,
-        targets: vec![Place {
-            x_m: 1.0,
-            y_m: robot as f64 / 10.0,
-            yaw_rad: None,
-        }],
-    };
-    Setup {
-        rate_hz: control::TICK_RATE_HZ,
-        arena_m: [20.0, 20.0],
-        robots: (0..robots).map(member).collect(),
-        parameters: vec![("speed_m_per_s".into(), 0.3)],
-    }
-}
-
-fn view(robots: usize, tick: u64) -> View {
-    let seen = |robot: usize| Seen {
-        x_m: -5.0 + 0.001 * tick as f64,
-        y_m: robot as f64 / 5.0,
-        yaw_rad: 0.3,
-        age_s: 0.02,
-        forward_m_per_s: 0.1,
-        left_m_per_s: 0.0,
-        yaw_rate_rad_per_s: 0.0,
-        online: true,
-        ranges_m: [1.0; BEAMS],
-    };
-    View {
-        tick,
-        time_s: tick as f64 / 120.0,
-        robots: (0..robots).map(seen).collect(),
-    }
-}
 
 /// Two inputs, `WIDE` numbers three times, a twist: near the bytes that a file may have and, for two robots, the operations.
 fn largest_policy() -> Vec<u8> {
@@ -71,14 +30,13 @@ fn largest_policy() -> Vec<u8> {
 }
 
 /// Milliseconds of each tick, sorted; `None` when the program was stopped by its limits.
-fn time(program: &mut dyn Program, robots: usize) -> Option<Vec<f64>> {
-    let mut answer = Answer::default();
+fn time(source: &Source, robots: usize) -> Option<Vec<f64>> {
+    let mut work = Workload::new(source, robots).ok()?;
     let mut times_ms = Vec::with_capacity(TICKS);
-    for tick in 0..TICKS as u64 {
-        let view = view(robots, tick);
-        answer.clear(robots);
+    for _ in 0..TICKS {
+        let view = work.next_view();
         let begun = Instant::now();
-        program.step(&view, &mut answer).ok()?;
+        work.step(&view).ok()?;
         times_ms.push(begun.elapsed().as_secs_f64() * 1e3);
     }
     times_ms.sort_by(f64::total_cmp);
@@ -117,21 +75,12 @@ fn at_limit(name: &str, source: &Source) {
 
 fn main() {
     for robots in [1, 10, 50] {
-        for example in SCRIPTS {
-            let program = compile(&Source::Script(example.script.into()), &setup(robots));
-            let times_ms = program.ok().and_then(|mut program| time(program.as_mut(), robots));
-            line(&format!("script {}", example.name), robots, times_ms);
+        for (name, source) in programs() {
+            line(&name, robots, time(&source, robots));
         }
-        let program = compile(&Source::module(MODULE), &setup(robots));
-        let times_ms = program.ok().and_then(|mut program| time(program.as_mut(), robots));
-        line("module go_to_point", robots, times_ms);
-        let program = compile(&Source::policy(POLICY), &setup(robots));
-        let times_ms = program.ok().and_then(|mut program| time(program.as_mut(), robots));
-        line("policy go_to_point", robots, times_ms);
     }
-    let program = compile(&Source::policy(&largest_policy()), &setup(2));
-    let times_ms = program.ok().and_then(|mut program| time(program.as_mut(), 2));
-    line("policy, as large as allowed", 2, times_ms);
+    let largest = Source::policy(&largest_policy());
+    line("policy, as large as allowed", 2, time(&largest, 2));
     println!(
         "script: {} operations, module: {} fuel",
         limits::SCRIPT_OPERATIONS,

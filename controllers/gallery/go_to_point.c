@@ -1,6 +1,6 @@
 /* Every robot drives to its first target: a WebAssembly module in C. Layout of views and commands: docs/controllers.md.
  *
- * Build: clang --target=wasm32 -O2 -nostdlib -Wl,--no-entry -o go_to_point.wasm go_to_point.c
+ * Build: clang --target=wasm32 -O2 -ffreestanding -nostdlib -Wl,--no-entry -o go_to_point.wasm go_to_point.c
  */
 #define EXPORT(name) __attribute__((export_name(name)))
 #define IMPORT(name) __attribute__((import_module("robopheus"), import_name(name)))
@@ -33,10 +33,10 @@ EXPORT("step") double *step(const double *view, int words) {
     command[12] = goal[0];
     command[13] = goal[1];
     if (distance > 0.04) {
-      double speed = 1.5 * distance < 0.4 ? 1.5 * distance : 0.4;
+      double scale = (1.5 * distance < 0.4 ? 1.5 * distance : 0.4) / distance;
       command[0] = 2.0;
-      command[1] = speed * dx / distance;
-      command[2] = speed * dy / distance;
+      command[1] = scale * dx;
+      command[2] = scale * dy;
       command[3] = __builtin_nan("");
       command[10] = 0.0;
     }

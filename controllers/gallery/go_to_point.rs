@@ -1,6 +1,6 @@
 //! Every robot drives to its first target: a WebAssembly module in Rust. Layout of views and commands: `docs/controllers.md`.
 //!
-//! Build: `rustc --target wasm32-unknown-unknown --edition 2024 -O -C panic=abort -C strip=symbols --crate-type cdylib go_to_point.rs`
+//! Build: `rustc --target wasm32-unknown-unknown --edition 2024 -O -C panic=abort -C strip=symbols --crate-type cdylib -o go_to_point.wasm go_to_point.rs`
 
 const ROBOT_WORDS: usize = 24;
 const ORDER_WORDS: usize = 16;

@@ -25,3 +25,4 @@ pub mod source;
 pub mod variety;
 pub mod view;
 pub mod vocabulary;
+pub mod workload;

@@ -5,6 +5,8 @@ use control::scenario::Scenario;
 use controllers::experiment::{rehearsal, rehearse_json};
 use controllers::gallery::{MODULE, POLICY, SCRIPTS, digests, scenario_json, varied};
 use controllers::source::Source;
+use std::path::Path;
+use std::process::Command;
 
 fn script(name: &str) -> Source {
     let found = SCRIPTS.iter().find(|example| example.name == name);
@@ -143,43 +145,73 @@ fn limits_stop_growing_scripts_at_the_same_tick() {
 
 /// The target's library stands where rustup puts it; other set-ups build their bundles otherwise.
 fn builds_modules() -> bool {
-    let told = std::process::Command::new("rustc")
-        .args(["--print", "sysroot"])
-        .output();
+    let told = Command::new("rustc").args(["--print", "sysroot"]).output();
     let sysroot = told.map(|told| String::from_utf8_lossy(&told.stdout).trim().to_owned());
-    sysroot.is_ok_and(|root| {
-        std::path::Path::new(&root)
-            .join("lib/rustlib/wasm32-unknown-unknown/lib")
-            .is_dir()
-    })
+    sysroot.is_ok_and(|root| Path::new(&root).join("lib/rustlib/wasm32-unknown-unknown/lib").is_dir())
 }
 
-#[test]
-fn the_module_in_rust_builds_as_it_says_and_drives_as_the_one_in_text() {
-    if !builds_modules() {
-        println!("rustc has no wasm32-unknown-unknown here: the example in Rust is not built");
-        return;
+/// Whether a compiler of C that makes WebAssembly is here, with its linker.
+fn builds_c_modules() -> bool {
+    let runs = |program: &str, argument: &str| {
+        let output = Command::new(program).arg(argument).output();
+        output.ok().filter(|output| output.status.success())
+    };
+    let targets = runs("clang", "--print-targets");
+    targets.is_some_and(|output| String::from_utf8_lossy(&output.stdout).contains("wasm32"))
+        && runs("wasm-ld", "--version").is_some()
+}
+
+/// Builds an example by the command in its first lines.
+///
+/// - `prompt`: what stands before the command there.
+fn built(example: &str, prompt: &str) -> Vec<u8> {
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("gallery").join(example);
+    let text = std::fs::read_to_string(&source).expect("the example");
+    let line = text.lines().find_map(|line| line.strip_prefix(prompt));
+    let out = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{example}.wasm"));
+    let mut words = line.expect("its command").trim_end_matches('`').split(' ');
+    let mut compiler = Command::new(words.next().expect("a compiler"));
+    for word in words {
+        match word {
+            word if word == example => compiler.arg(&source),
+            "go_to_point.wasm" => compiler.arg(&out),
+            word => compiler.arg(word),
+        };
     }
-    let source = concat!(env!("CARGO_MANIFEST_DIR"), "/gallery/go_to_point.rs");
-    let command = std::fs::read_to_string(source).expect("the example");
-    let line = command
-        .lines()
-        .find_map(|line| line.strip_prefix("//! Build: `rustc "))
-        .expect("its command");
-    let out = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("go_to_point.wasm");
-    let mut rustc = std::process::Command::new("rustc");
-    let words = line
-        .trim_end_matches('`')
-        .split(' ')
-        .filter(|word| !word.ends_with(".rs"));
-    rustc.args(words).arg(source).arg("-o").arg(&out);
-    assert!(rustc.status().expect("rustc").success());
-    let built = Source::module(&std::fs::read(out).expect("a module"));
-    let [built, assembled] = [built, Source::module(MODULE)].map(|source| {
-        let mut outcome = rehearse_json(&scenario_json(&source, 8.0)).expect("a rehearsal");
+    assert!(compiler.status().expect("the compiler").success(), "{line:?}");
+    std::fs::read(out).expect("a module")
+}
+
+fn drives_as_the_one_in_text(module: &[u8]) {
+    let [built, assembled] = [module, MODULE].map(|module| {
+        let mut outcome = rehearse_json(&scenario_json(&Source::module(module), 8.0)).expect("a rehearsal");
         // They drive alike; what each says is its own.
         outcome.replay.notes.clear();
         outcome
     });
-    assert_eq!(built, assembled);
+    // Not by `assert_eq`, which would print every pose.
+    assert!(
+        built == assembled,
+        "{} {}",
+        built.verdict.digest,
+        assembled.verdict.digest
+    );
+}
+
+#[test]
+fn the_module_in_rust_builds_as_it_says_and_drives_as_the_one_in_text() {
+    if builds_modules() {
+        drives_as_the_one_in_text(&built("go_to_point.rs", "//! Build: `"));
+    } else {
+        println!("rustc has no wasm32-unknown-unknown here: the example in Rust is not built");
+    }
+}
+
+#[test]
+fn the_module_in_c_builds_as_it_says_and_drives_as_the_one_in_text() {
+    if builds_c_modules() {
+        drives_as_the_one_in_text(&built("go_to_point.c", " * Build: "));
+    } else {
+        println!("no clang with wasm32 and wasm-ld here: the example in C is not built");
+    }
 }

@@ -4,8 +4,9 @@
 
 use control::rehearsal::{Frame, Outcome, Rehearsal};
 use control::scenario::{FieldProblem, Scenario};
+use controllers::workload::Workload;
 use serde::Serialize;
-use twin::workload::{Variation, Workload};
+use twin::workload::{Variation, Workload as SpeedLaps};
 use wasm_bindgen::JsCast;
 use wasm_bindgen::prelude::wasm_bindgen;
 
@@ -45,7 +46,7 @@ pub fn controller_gallery() -> String {
 /// The benchmark's workload (`docs/speed.md`), timed from outside.
 #[wasm_bindgen]
 pub struct SpeedWork {
-    work: Workload,
+    work: SpeedLaps,
 }
 
 #[wasm_bindgen]
@@ -55,7 +56,7 @@ impl SpeedWork {
     pub fn new(chassis: &str, count: usize, effect: &str, digest: bool) -> Result<SpeedWork, String> {
         let effect = Variation::ALL.into_iter().find(|one| one.name() == effect);
         let effect = effect.ok_or("no workload with such an effect")?;
-        let work = Workload::new(chassis, count, effect, digest).map_err(|error| error.to_string())?;
+        let work = SpeedLaps::new(chassis, count, effect, digest).map_err(|error| error.to_string())?;
         Ok(SpeedWork { work })
     }
 
@@ -78,6 +79,32 @@ impl SpeedWork {
     pub fn lap_digest(&self) -> Result<String, String> {
         Ok(self.work.lap().map_err(|error| error.to_string())?.digest().to_string())
     }
+}
+
+/// Time of a tick of every program of the gallery with so many robots: a JSON list of `{name, robots, tick_ms}`. Clocks of browsers are
+/// coarse: `tick_ms` is the median of batches of 20 ticks, or null when a limit stops the program.
+#[wasm_bindgen]
+pub fn controller_times(robots: usize, batches: usize) -> String {
+    const BATCH: usize = 20;
+    let time = |source: &controllers::source::Source| {
+        let mut work = Workload::new(source, robots).ok()?;
+        let mut times_ms = Vec::with_capacity(batches);
+        for _ in 0..batches {
+            let views: Vec<_> = (0..BATCH).map(|_| work.next_view()).collect();
+            let begun_ms = now_ms();
+            for view in &views {
+                work.step(view).ok()?;
+            }
+            times_ms.push((now_ms() - begun_ms) / BATCH as f64);
+        }
+        times_ms.sort_by(f64::total_cmp);
+        times_ms.get(times_ms.len() / 2).copied()
+    };
+    let rows: Vec<_> = controllers::workload::programs()
+        .iter()
+        .map(|(name, source)| serde_json::json!({"name": name, "robots": robots, "tick_ms": time(source)}))
+        .collect();
+    text(&rows)
 }
 
 /// `performance.now()`; the time of day where there is none.
@@ -280,7 +307,7 @@ mod tests {
     #[test]
     fn speed_work_is_the_native_workload() {
         let work = SpeedWork::new("omni4", 2, "floor_friction", true).expect("work");
-        let native = Workload::new("omni4", 2, Variation::FloorFriction, true).expect("work");
+        let native = SpeedLaps::new("omni4", 2, Variation::FloorFriction, true).expect("work");
         assert_eq!(
             work.lap_digest(),
             Ok(native.lap().expect("finite").digest().to_string())

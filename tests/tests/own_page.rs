@@ -7,24 +7,37 @@ use std::time::Duration;
 use system_tests::{Archive, Browser, System, repository};
 
 const LIMIT: Duration = Duration::from_secs(90);
+/// Ten robots find their way to their starts, or are carried.
+const START_LIMIT: Duration = Duration::from_secs(180);
 
 fn pictures() -> std::path::PathBuf {
     repository().join("target/pictures")
 }
 
-/// Drives the robot of the story to the right, says where they are and draws how far they still have to go.
+/// Beside the robot that the page opens with.
+const JOINING: [&str; 9] = [
+    "omni-02", "omni-03", "omni-04", "omni-05", "omni-06", "omni-07", "omni-08", "omni-09", "omni-10",
+];
+
+/// Drives every robot a little towards the middle, says where they are and draws how far they still have to go.
 const MENDED: &str = r#"fn step(now) {
+    if now.tick == 0 { this.starts = []; for robot in now.robots { this.starts.push([robot.x_m, robot.y_m]); } }
     for robot in now.robots {
-        let left = parameter("goal_x_m", 0.3) - robot.x_m;
-        velocity(robot.index, clamp(left, -0.25, 0.25), 0.0);
-        line(robot.x_m, robot.y_m, robot.x_m + left, robot.y_m, 1);
-        point(robot.x_m + left, robot.y_m, 2);
-        text(robot.x_m, robot.y_m + 0.35, `${now.tick / 120} s`, 6);
-        if now.tick % 60 == 0 { print(`${robot.name} is ${left} from its goal`); }
-        if abs(left) < 0.05 { stop(robot.index); finished(robot.index); }
+        let share = parameter("share", 0.8);
+        let start = this.starts[robot.index];
+        let x = share * start[0] - robot.x_m;
+        let y = share * start[1] - robot.y_m;
+        velocity(robot.index, clamp(x, -0.25, 0.25), clamp(y, -0.25, 0.25));
+        line(robot.x_m, robot.y_m, robot.x_m + x, robot.y_m + y, 1);
+        point(robot.x_m + x, robot.y_m + y, 2);
+        text(robot.x_m, robot.y_m + 0.3, `${now.tick / 120} s`, 6);
+        if now.tick % 60 == 0 && robot.index < 4 { print(`${robot.name} is ${hypot(x, y)} from its goal`); }
+        if hypot(x, y) < 0.05 { stop(robot.index); finished(robot.index); }
     }
 }
 "#;
+/// Line of the last mistake that the story makes.
+const MISTAKEN_LINE: u64 = 12;
 
 fn program(seen: &Value) -> &Value {
     &seen["state"]["compose"]
@@ -58,6 +71,26 @@ async fn somebody_writes_a_controller_and_sees_robots_follow_it() -> anyhow::Res
             seen["state"]["twin"]["status"] == "done"
         })
         .await?;
+
+    // Nine robots join the one of the template.
+    browser.click("compose.team").await?;
+    for name in JOINING {
+        let chip = format!("compose.take.{name}");
+        browser
+            .wait("the robot's name", LIMIT, |seen| {
+                seen["widgets"][chip.as_str()].is_object()
+            })
+            .await?;
+        browser.click(&chip).await?;
+        browser
+            .wait("the robot on the floor", LIMIT, |seen| {
+                let robots = program(seen)["document"]["robots"].as_array();
+                robots.is_some_and(|robots| robots.iter().any(|robot| robot["name"] == name))
+            })
+            .await?;
+    }
+    browser.picture(&pictures().join("own-team.png")).await?;
+    browser.click("compose.team").await?;
 
     // An own controller from the list of laws; the editor opens with an example.
     browser.click("compose.laws").await?;
@@ -101,7 +134,7 @@ async fn somebody_writes_a_controller_and_sees_robots_follow_it() -> anyhow::Res
     write(&browser, &MENDED.replace("now.tick % 60", "now.ticks % 60")).await?;
     let seen = browser
         .wait("the line of the tick that failed", LIMIT, |seen| {
-            settled(seen) && mistake_line(seen) == Some(8)
+            settled(seen) && mistake_line(seen) == Some(MISTAKEN_LINE)
         })
         .await?;
     println!("{}", program(&seen)["mistake"]);
@@ -116,7 +149,8 @@ async fn somebody_writes_a_controller_and_sees_robots_follow_it() -> anyhow::Res
     let pause_s = seen["state"]["twin"]["pause_s"].as_f64().unwrap_or(f64::NAN);
     println!("the twin started {pause_s:.3} s after the last key");
     ensure!(
-        program(&seen)["log_lines"].as_u64() > Some(3),
+        program(&seen)["log_lines"].as_u64() > Some(3)
+            && program(&seen)["document"]["robots"].as_array().map(Vec::len) == Some(10),
         "{}",
         program(&seen)["log_lines"]
     );
@@ -139,7 +173,7 @@ async fn somebody_writes_a_controller_and_sees_robots_follow_it() -> anyhow::Res
         .as_str()
         .unwrap_or_default()
         .parse()?;
-    system.wait_for_state(id, RunState::Running, LIMIT).await?;
+    system.wait_for_state(id, RunState::Running, START_LIMIT).await?;
     browser.click("nav.live").await?;
     browser
         .wait("log and drawings of the running controller", LIMIT, |seen| {
@@ -175,6 +209,12 @@ async fn somebody_writes_a_controller_and_sees_robots_follow_it() -> anyhow::Res
         .and_then(Archive::open)?;
     let log = String::from_utf8_lossy(archive.member("log.txt")?).into_owned();
     ensure!(log.contains("controller: omni-01 is "), "{log}");
+    let files = archive.manifest["files"].to_string();
+    let missing: Vec<&str> = JOINING
+        .into_iter()
+        .filter(|name| !files.contains(&format!("{name}/")))
+        .collect();
+    ensure!(missing.is_empty(), "no files of {missing:?}: {files}");
     let recorded = archive.member("run.mcap")?;
     let topic = b"/controller/notes";
     ensure!(

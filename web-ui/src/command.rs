@@ -32,6 +32,11 @@ pub enum Command {
     /// By its name in `control.law`.
     ChooseLaw(&'static str),
     Program(ProgramCommand),
+    /// A robot of the laboratory joins the experiment or leaves it.
+    TakeRobot {
+        name: String,
+        joins: bool,
+    },
     MoveStart {
         robot: RobotIndex,
         x_m: f64,

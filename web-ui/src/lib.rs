@@ -10,7 +10,7 @@
 //!
 //! * everywhere: `nav.compose`, `nav.queue`, `nav.live`, `nav.run`, `nav.robots`, `nav.gap`, `nav.models`, `nav.theme`, `toast.<n>.close`
 //! * Compose: `compose.template.rectangle-omni4`, `compose.template.rectangle-diff2`, `compose.template.swap-corners`, `compose.template.own-controller`,
-//!   `compose.label`, `compose.duration`, `compose.seed`, `compose.parameter.<key>`, `compose.parameters.reset`,
+//!   `compose.team` (opens the list), `compose.take.<robot>` (joins or leaves), `compose.label`, `compose.duration`, `compose.seed`, `compose.parameter.<key>`, `compose.parameters.reset`,
 //!   `compose.json` (opens the document), `compose.json.copy`, `compose.arena` (the floor),
 //!   `compose.robot.<i>` (start pose, drag), `compose.robot.<i>.yaw` (handle), `compose.target.<i>` (drag),
 //!   `compose.laws` (opens the list), `compose.law.<name>`, `compose.controller` (opens the editor), `compose.side.settings`,

@@ -194,6 +194,22 @@ impl Lab {
         }
     }
 
+    /// Robots of an arena with their names, in the order of their numbers; the reference laboratory's until the server has told its own.
+    pub fn robots_in(&self, arena: &str) -> Vec<(&str, &LabRobot)> {
+        let mut found: Vec<(&str, &LabRobot)> = match self.robots.as_deref() {
+            Some(robots) if !robots.is_empty() => {
+                let here = robots.iter().filter(|robot| robot.arena == arena);
+                here.map(|robot| (robot.name.as_str(), &robot.robot)).collect()
+            }
+            _ => {
+                let robots = self.reference.robots.iter();
+                robots.map(|robot| (robot.description.name.as_str(), robot)).collect()
+            }
+        };
+        found.sort_by_key(|(_, robot)| robot.number);
+        found
+    }
+
     /// Pages of the laboratories' protective stops, each once.
     pub fn stop_pages(&self) -> impl Iterator<Item = &str> {
         let pages: BTreeSet<&str> = self

@@ -27,7 +27,7 @@ enum Subject {
     /// CPU seconds of a diagnosis of ten minutes of logs on one core, by stage
     Identify(identify::IdentifyArguments),
     /// Time of a tick of own controllers, scripts and modules, with 1, 10 and 50 robots and at their limits
-    Controllers,
+    Controllers(controllers::ControllersArguments),
     /// A whole control tick with ten robots that their models correct
     Interaction,
 }
@@ -38,7 +38,7 @@ pub fn bench(arguments: &BenchArguments) -> Result<End> {
         Some(Subject::Twin(arguments)) => twin::bench(arguments),
         Some(Subject::Lab(arguments)) => lab::bench(arguments),
         Some(Subject::Identify(arguments)) => identify::bench(arguments),
-        Some(Subject::Controllers) => controllers::bench(),
+        Some(Subject::Controllers(arguments)) => controllers::bench(arguments),
         Some(Subject::Interaction) => interaction::bench(),
         None => {
             let end = twin::bench(&twin::TwinArguments::default())?;
@@ -57,7 +57,7 @@ pub fn bench(arguments: &BenchArguments) -> Result<End> {
             if end != End::Good {
                 return Ok(end);
             }
-            controllers::bench()
+            controllers::bench(&controllers::ControllersArguments::default())
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use super::{validate, watch};
 use crate::output::{Output, Unsuccessful};
+use crate::program::experiment;
 use crate::settings::Settings;
 use api::experiment::{DigestClaim, SubmitRequest};
 use std::path::PathBuf;
@@ -10,6 +11,9 @@ use std::path::PathBuf;
 pub struct Arguments {
     /// Experiment document (robopheus.experiment/1)
     experiment: PathBuf,
+    /// Own controller that takes the place of the experiment's law: a script, a WebAssembly module or a policy (.onnx)
+    #[arg(long)]
+    program: Option<PathBuf>,
     /// Text shown in lists [default: the file's name]
     #[arg(long)]
     label: Option<String>,
@@ -22,8 +26,9 @@ pub struct Arguments {
 }
 
 pub async fn run(arguments: Arguments, settings: &Settings, output: &Output) -> anyhow::Result<()> {
-    let laboratory = validate::laboratory_from_service(settings, &arguments.experiment).await?;
-    let rehearsed = validate::rehearse(&arguments.experiment, &laboratory, None)?;
+    let experiment = experiment(&arguments.experiment, arguments.program.as_deref())?;
+    let laboratory = validate::laboratory_from_service(settings, &experiment).await?;
+    let rehearsed = validate::rehearse(&arguments.experiment, experiment, &laboratory, None)?;
     if !rehearsed.verdict.accepted {
         let text = validate::verdict_text(&rehearsed.verdict);
         return Err(Unsuccessful(format!("not sent, the twin rejects it: {text}")).into());

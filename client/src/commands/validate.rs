@@ -1,6 +1,7 @@
 //! `robopheus validate`
 
 use crate::output::{Output, Unsuccessful};
+use crate::program::experiment;
 use crate::settings::Settings;
 use anyhow::{Context, bail};
 use api::arena::Arena;
@@ -26,8 +27,11 @@ pub struct Arguments {
     lab: Option<PathBuf>,
     /// Program that takes the place of the experiment's law: it is asked over its standard input and output
     /// (docs/controllers.md), and started by the shell
-    #[arg(long)]
+    #[arg(long, conflicts_with = "program")]
     controller: Option<String>,
+    /// Own controller that takes the place of the experiment's law: a script, a WebAssembly module or a policy (.onnx)
+    #[arg(long)]
+    program: Option<PathBuf>,
     /// Write the twin's replay here
     #[arg(long)]
     replay: Option<PathBuf>,
@@ -41,11 +45,17 @@ pub struct Rehearsed {
 }
 
 pub async fn run(arguments: Arguments, settings: &Settings, output: &Output) -> anyhow::Result<()> {
+    let experiment = experiment(&arguments.experiment, arguments.program.as_deref())?;
     let laboratory = match &arguments.lab {
         Some(path) => laboratory_from_file(path)?,
-        None => laboratory_from_service(settings, &arguments.experiment).await?,
+        None => laboratory_from_service(settings, &experiment).await?,
     };
-    let rehearsed = rehearse(&arguments.experiment, &laboratory, arguments.controller.as_deref())?;
+    let rehearsed = rehearse(
+        &arguments.experiment,
+        experiment,
+        &laboratory,
+        arguments.controller.as_deref(),
+    )?;
     if let Some(path) = &arguments.replay {
         std::fs::write(path, serde_json::to_vec(&rehearsed.replay)?)
             .with_context(|| format!("cannot write {}", path.display()))?;
@@ -65,10 +75,15 @@ pub struct Laboratory {
     pub models: Vec<ModelView>,
 }
 
-/// Runs an experiment document in the twin, as the service will.
-pub fn rehearse(path: &Path, laboratory: &Laboratory, controller: Option<&str>) -> anyhow::Result<Rehearsed> {
-    let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
-    let experiment: Experiment = serde_json::from_str(&text).with_context(|| format!("{}", path.display()))?;
+/// Runs an experiment in the twin, as the service will.
+///
+/// - `path`: of its document, for messages.
+pub fn rehearse(
+    path: &Path,
+    experiment: Experiment,
+    laboratory: &Laboratory,
+    controller: Option<&str>,
+) -> anyhow::Result<Rehearsed> {
     let scenario = serde_json::json!({
         "experiment": experiment,
         "robots": robots_of(&experiment, &laboratory.robots),
@@ -150,10 +165,8 @@ fn laboratory_from_file(path: &Path) -> anyhow::Result<Laboratory> {
     })
 }
 
-/// Robots and arena as the service has them, for the arena that the document names.
-pub async fn laboratory_from_service(settings: &Settings, document: &Path) -> anyhow::Result<Laboratory> {
-    let text = std::fs::read_to_string(document).with_context(|| format!("cannot read {}", document.display()))?;
-    let experiment: Experiment = serde_json::from_str(&text).with_context(|| format!("{}", document.display()))?;
+/// Robots and arena as the service has them, for the arena that the experiment names.
+pub async fn laboratory_from_service(settings: &Settings, experiment: &Experiment) -> anyhow::Result<Laboratory> {
     let client = settings.client()?;
     let arenas = client.arena_list().await?;
     let known: Vec<_> = arenas.iter().map(|view| view.arena.name.clone()).collect();

@@ -2,7 +2,10 @@
 
 mod check;
 mod json;
+mod room;
 mod targets;
+
+pub use room::free_place;
 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;

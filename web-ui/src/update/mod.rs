@@ -10,6 +10,7 @@ pub mod program;
 mod refusal;
 mod run;
 mod stop;
+mod team;
 pub use compose::{DURATION_S, document_json, field_problems, submit_obstacle};
 pub use gap::start_obstacle;
 pub use models::{compare_obstacle, compared, run_of as compared_run, shown, use_obstacle};
@@ -69,6 +70,10 @@ pub fn command(state: &mut State, command: Command) -> Vec<Effect> {
         Command::Program(command) => program::command(state, command),
         Command::ChooseLaw(law) => {
             program::choose_law(state, law);
+            Vec::new()
+        }
+        Command::TakeRobot { name, joins } => {
+            team::take(state, &name, joins);
             Vec::new()
         }
         other => compose::command(state, other),

@@ -22,6 +22,8 @@ pub fn show(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) 
     ui.add_space(theme::SECTION_GAP);
     experiment(ui, state, output, palette);
     ui.add_space(theme::SECTION_GAP);
+    team(ui, state, output, palette);
+    ui.add_space(theme::SECTION_GAP);
     law(ui, state, output, palette);
     ui.add_space(theme::SECTION_GAP);
     starts(ui, state, output, palette);
@@ -166,6 +168,43 @@ fn experiment(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette
             }
         },
     );
+}
+
+/// Which robots of the laboratory take part.
+fn team(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) {
+    let experiment = &state.compose.experiment;
+    let (taken, here) = (experiment.robots.len(), state.lab.robots_in(&experiment.arena));
+    let title = format!("Robots: {taken} of {}", here.len().max(taken));
+    let header = CollapsingHeader::new(RichText::new(title).text_style(theme::section_style()).strong());
+    let response = header.id_salt("team").show(ui, |ui| {
+        ui.label(
+            RichText::new("A robot that joins is put where there is room; one that leaves takes its targets along.")
+                .color(palette.faint_ink),
+        );
+        ui.horizontal_wrapped(|ui| {
+            ui.spacing_mut().item_spacing = vec2(6.0, 6.0);
+            for (name, robot) in here {
+                let place = experiment.robots.iter().position(|taken| taken.name == name);
+                let text = match place {
+                    Some(place) => RichText::new(name).color(palette.robot(place)).strong(),
+                    None => RichText::new(name),
+                };
+                let response = ui
+                    .add(Button::new(text).selected(place.is_some()))
+                    .on_hover_text(format!(
+                        "{}, controller {}",
+                        words::chassis(&robot.description.chassis),
+                        robot.controller
+                    ));
+                let command = Command::TakeRobot {
+                    name: name.to_owned(),
+                    joins: place.is_none(),
+                };
+                output.on_click(format!("compose.take.{name}"), &response, command);
+            }
+        });
+    });
+    output.mark("compose.team", &response.header_response);
 }
 
 /// Every law that an experiment may name, the own controller last.
