@@ -158,6 +158,19 @@ impl Order {
     }
 }
 
+/// A fault whose reason a program may have written: one line without control characters, never empty.
+pub fn readable(fault: Fault) -> Fault {
+    let reason = printable(&fault.reason);
+    Fault {
+        reason: if reason.trim().is_empty() {
+            "an error without words".to_owned()
+        } else {
+            reason
+        },
+        ..fault
+    }
+}
+
 /// The first [`LINE_BYTES`] of a text without escape sequences and control characters.
 fn printable(text: &str) -> String {
     let mut kept = String::new();
@@ -183,6 +196,13 @@ mod tests {
 
     #[test]
     fn colour_codes_and_control_characters_are_left_out() {
+        let fault = |reason: &str| readable(Fault::new(FaultKind::Failed, Some(3), reason));
+        assert_eq!(fault("a\u{1b}[2Jb").reason, "ab");
+        assert_eq!(fault("").reason, "an error without words");
+        assert_eq!(
+            (fault("\n ").reason.as_str(), fault(" ").tick),
+            ("an error without words", Some(3))
+        );
         assert_eq!(printable("a\u{1b}[31mred\u{1b}[0m\r\nb\u{7}c\u{9b}"), "aredbc");
         assert_eq!(printable(&"ä".repeat(LINE_BYTES)).len(), LINE_BYTES);
     }

@@ -2,7 +2,7 @@
 
 use control::law::Fault;
 
-use crate::answer::Answer;
+use crate::answer::{Answer, readable};
 use crate::module::ModuleProgram;
 use crate::policy::PolicyProgram;
 use crate::script::ScriptProgram;
@@ -28,10 +28,13 @@ pub enum Reply {
 ///
 /// - Errors: what is wrong with it, in a script with line and column.
 pub fn compile(source: &Source, setup: &Setup) -> Result<Box<dyn Program>, Fault> {
-    let bytes = source.bytes()?;
-    Ok(match source {
-        Source::Script(text) => Box::new(ScriptProgram::new(text, setup)?),
-        Source::Policy(_) => Box::new(PolicyProgram::new(&bytes, setup)?),
-        Source::Module(_) => Box::new(ModuleProgram::new(&bytes, setup)?),
-    })
+    let compiled = || -> Result<Box<dyn Program>, Fault> {
+        let bytes = source.bytes()?;
+        Ok(match source {
+            Source::Script(text) => Box::new(ScriptProgram::new(text, setup)?),
+            Source::Policy(_) => Box::new(PolicyProgram::new(&bytes, setup)?),
+            Source::Module(_) => Box::new(ModuleProgram::new(&bytes, setup)?),
+        })
+    };
+    compiled().map_err(readable)
 }

@@ -108,6 +108,15 @@ fn scripts_cannot_reach_out() {
     ] {
         assert_eq!(run(&script(text)).expect("runs").kind, FaultKind::Failed, "{text}");
     }
+    // What a script throws ends up on other people's screens.
+    for (thrown, words) in [
+        ("\"\"", "an error without words"),
+        ("()", "an error without words"),
+        ("\"a\\x1b[2Jb\"", "ab"),
+    ] {
+        let fault = run(&script(&format!("fn step(now) {{ throw {thrown}; }}"))).expect("runs");
+        assert_eq!((fault.reason.as_str(), fault.line), (words, Some(1)));
+    }
 }
 
 #[test]

@@ -6,7 +6,7 @@ use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use control::law::{Fault, FaultKind};
-use controllers::answer::Answer;
+use controllers::answer::{Answer, readable};
 use controllers::program::{Program, Reply};
 use controllers::source::Source;
 use controllers::view::{Setup, View};
@@ -74,7 +74,7 @@ impl PipeProgram {
         program.write(&setup, None)?;
         match program.read(Instant::now() + START_PATIENCE, None)? {
             Some(Told::Ready { confined }) => program.confined = confined,
-            Some(Told::Fault(fault)) => return Err(fault),
+            Some(Told::Fault(fault)) => return Err(readable(fault)),
             Some(Told::Answer { .. }) => return Err(none("it answers before it is asked".into())),
             None => return Err(none(format!("not ready within {} s", START_PATIENCE.as_secs()))),
         }
@@ -183,7 +183,7 @@ impl Program for PipeProgram {
             }
             match self.read(until, tick)? {
                 None => return Ok(Reply::Late),
-                Some(Told::Fault(fault)) => return Err(fault),
+                Some(Told::Fault(fault)) => return Err(readable(fault)),
                 Some(Told::Ready { .. }) => {}
                 Some(Told::Answer { tick: of, answer: told }) => {
                     if Some(of) != self.open {

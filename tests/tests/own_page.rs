@@ -72,26 +72,6 @@ async fn somebody_writes_a_controller_and_sees_robots_follow_it() -> anyhow::Res
         })
         .await?;
 
-    // Nine robots join the one of the template.
-    browser.click("compose.team").await?;
-    for name in JOINING {
-        let chip = format!("compose.take.{name}");
-        browser
-            .wait("the robot's name", LIMIT, |seen| {
-                seen["widgets"][chip.as_str()].is_object()
-            })
-            .await?;
-        browser.click(&chip).await?;
-        browser
-            .wait("the robot on the floor", LIMIT, |seen| {
-                let robots = program(seen)["document"]["robots"].as_array();
-                robots.is_some_and(|robots| robots.iter().any(|robot| robot["name"] == name))
-            })
-            .await?;
-    }
-    browser.picture(&pictures().join("own-team.png")).await?;
-    browser.click("compose.team").await?;
-
     // An own controller from the list of laws; the editor opens with an example.
     browser.click("compose.laws").await?;
     browser.click("compose.law.own").await?;
@@ -146,14 +126,44 @@ async fn somebody_writes_a_controller_and_sees_robots_follow_it() -> anyhow::Res
             settled(seen) && seen["state"]["twin"]["accepted"] == true && mistake_line(seen).is_none()
         })
         .await?;
+    // Typed without blanks at the beginnings of lines: the editor put them there.
+    let script = program(&seen)["script"].as_str().unwrap_or_default();
+    ensure!(script == MENDED.trim_end(), "the editor made {script}");
     let pause_s = seen["state"]["twin"]["pause_s"].as_f64().unwrap_or(f64::NAN);
     println!("the twin started {pause_s:.3} s after the last key");
+
+    // Nine robots join the one of the template.
+    browser.click("compose.side.settings").await?;
+    browser.click("compose.team").await?;
+    for name in JOINING {
+        let chip = format!("compose.take.{name}");
+        browser
+            .wait("the robot's name", LIMIT, |seen| {
+                seen["widgets"][chip.as_str()].is_object()
+            })
+            .await?;
+        browser.click(&chip).await?;
+        browser
+            .wait("the robot on the floor", LIMIT, |seen| {
+                let robots = program(seen)["document"]["robots"].as_array();
+                robots.is_some_and(|robots| robots.iter().any(|robot| robot["name"] == name))
+            })
+            .await?;
+    }
+    let seen = browser
+        .wait("an accepted rehearsal of ten", LIMIT, |seen| {
+            let robots = program(seen)["document"]["robots"].as_array();
+            settled(seen) && seen["state"]["twin"]["accepted"] == true && robots.map(Vec::len) == Some(10)
+        })
+        .await?;
+    browser.picture(&pictures().join("own-team.png")).await?;
+
     ensure!(
-        program(&seen)["log_lines"].as_u64() > Some(3)
-            && program(&seen)["document"]["robots"].as_array().map(Vec::len) == Some(10),
+        program(&seen)["log_lines"].as_u64() > Some(3),
         "{}",
         program(&seen)["log_lines"]
     );
+    browser.click("compose.side.program").await?;
     browser.click("compose.play").await?;
     browser
         .wait("drawings beside moving robots", LIMIT, |seen| {

@@ -16,7 +16,7 @@ use rhai::packages::{
 };
 use rhai::{AST, CallFnOptions, Dynamic, Engine, EvalAltResult, OptimizationLevel, Position, Scope};
 
-use crate::answer::Answer;
+use crate::answer::{Answer, readable};
 use crate::limits;
 use crate::program::{Program, Reply};
 use crate::source::refused;
@@ -206,7 +206,7 @@ fn fault(error: &EvalAltResult, tick: u64, operations: u64) -> Fault {
     } else {
         inner.position()
     };
-    placed(Fault::new(kind, Some(tick), reason), position)
+    readable(placed(Fault::new(kind, Some(tick), reason), position))
 }
 
 fn placed(fault: Fault, position: Position) -> Fault {

@@ -71,13 +71,13 @@ fn text_edit(
 ) -> Option<String> {
     let id = id();
     let mut edited = text.to_owned();
-    let cursor = TextEditState::load(ui.ctx(), id)
+    let (cursor, other) = TextEditState::load(ui.ctx(), id)
         .and_then(|state| state.cursor.char_range())
-        .map_or(0, |range| range.primary.index.0);
+        .map_or((0, 0), |range| (range.primary.index.0, range.secondary.index.0));
     let mut words = popup::Popup::load(ui, id);
     if ui.memory(|memory| memory.has_focus(id)) {
         words.take_keys(ui);
-        keys::indent(ui, text, cursor);
+        keys::indent(ui, text, cursor, cursor != other);
     }
     let behind_text = ui.painter().add(egui::Shape::Noop);
     let font = egui::TextStyle::Monospace.resolve(ui.style());
