@@ -108,6 +108,55 @@ fn scripts_cannot_reach_out() {
     ] {
         assert_eq!(run(&script(text)).expect("runs").kind, FaultKind::Failed, "{text}");
     }
+    // Ranges are read and run through; kept, they could make texts grow without a limit.
+    for text in [
+        "fn step(now) { let n = 0; for k in 0..4 { n += k; } for k in range(0, 4) { n += k; } for k in 0..=[n][0] { n -= 1; } }",
+        "fn step(now) { let k = 2; let a = [1, 2]; a[k - 1] = 4; a[0] += 2; for (x, at) in a.map(|v| v + 1) { for b in 0..at { k += b; } } }",
+        "fn step(now) { for s in [`${now.tick}`, \"b\"] { print(s.sub_string(0, 1)); } let there = 3 in [1, 2]; }",
+    ] {
+        // It ran on, and told no robot anything.
+        assert_eq!(run(&script(text)).expect("runs").kind, FaultKind::Silent, "{text}");
+    }
+    for body in [
+        "let s = \"text\"; s[0..2] = \"longer\";",
+        "let s = \"text\"; s[0..=now.tick] += \"longer\";",
+        "let s = \"text\"; s[0..1].pad(8000, 'x');",
+        "let s = \"text\"; print(s[0..2].len);",
+        "let there = now.tick in 0..4;",
+        "for r in [0..2] { }",
+        "for k in (|x| { 0..x }).call(3) { }",
+        "for k in 0..2 in [1] { }",
+        "for k in [1] { let r = 0..2; }",
+        "switch now.tick { 0..4 => (), _ => () }",
+        "print(`${0..2}`);",
+        "let r = 0..2;",
+        "let r = 0..now.tick;",
+        "this.r = 0..2;",
+        "let r = [0..2];",
+        "let r = #{a: 0..2};",
+        "let f = |x| 0..x; let r = f.call(2); let s = \"text\"; s[r] = \"longer\";",
+        "let f = |x| { 0..x }; let r = f.call(2); let s = \"text\"; s[r] = \"longer\";",
+        "helper(0..2);",
+        "let s = \"text\"; s[if true { 0..2 } else { 1 }] = 3;",
+        "let a = [\"text\"]; a[0][0..2] = \"longer\";",
+        "0..2",
+        "return 0..2;",
+    ] {
+        println!("{body}");
+        refused(
+            &script(&format!("fn helper(r) {{ r }} fn step(now) {{ {body} }}")),
+            "a range may stand in the head",
+        );
+    }
+    for body in [
+        "let s = \"text\"; let r = range(0, 2); s[r] = \"longer\";",
+        "let s = \"text\"; let r = Fn(\"range\").call(0, 2); s[r] = \"longer\";",
+        "let s = \"text\"; let f = Fn(\"..\"); let r = f.call(0, 2); s[r] = \"longer\"; print(s);",
+        "let s = \"text\"; let f = Fn(\"..=\"); let r = f.call(0, 2); s[r] = \"longer\"; print(s);",
+    ] {
+        let fault = run(&script(&format!("fn step(now) {{ {body} }}"))).expect(body);
+        assert_eq!(fault.kind, FaultKind::Failed, "{body}: {fault}");
+    }
     // What a script throws ends up on other people's screens.
     for (thrown, words) in [
         ("\"\"", "an error without words"),

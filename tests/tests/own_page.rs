@@ -164,6 +164,8 @@ async fn somebody_writes_a_controller_and_sees_robots_follow_it() -> anyhow::Res
         program(&seen)["log_lines"]
     );
     browser.click("compose.side.program").await?;
+    // Only then the floor and what is below it stand where they will be pressed.
+    browser.wait("the editor again", LIMIT, opened).await?;
     browser.click("compose.play").await?;
     browser
         .wait("drawings beside moving robots", LIMIT, |seen| {

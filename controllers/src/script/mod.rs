@@ -4,6 +4,7 @@
 mod maths;
 mod place;
 mod robots;
+mod spans;
 mod state;
 mod words;
 
@@ -158,6 +159,7 @@ fn engine(setup: &Arc<Setup>, spoken: &Arc<Mutex<Answer>>) -> Engine {
     maths::register(&mut engine);
     robots::register(&mut engine);
     words::register(&mut engine, setup, spoken);
+    spans::register(&mut engine);
     let log = spoken.clone();
     engine.on_print(move |text| lock(&log).log(text));
     engine

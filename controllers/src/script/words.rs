@@ -14,7 +14,7 @@ type Done = Result<(), Box<EvalAltResult>>;
 
 /// Part of the reason of every command that cannot be.
 pub(super) const BAD_COMMAND: &str = "the command for robot ";
-/// Integers that a range may run over without being counted step by step.
+/// Colours of drawings; others count on from the first.
 const COLOURS: i64 = 8;
 
 /// Changes what is said about one robot.

@@ -52,12 +52,12 @@ const VALUES: [&str; 34] = [
     "#{a: 1, b: [2, 3], c: #{d: ()}}",
     "(|u| u)",
     "(|u, v| u + v)",
-    "0..10",
+    "range(0, 10)",
     "now",
 ];
-const OPERATORS: [&str; 21] = [
-    "+", "-", "*", "/", "%", "<<", ">>", "&", "|", "^", "==", "!=", "<", "<=", ">", ">=", "??", "in", "!in", "..",
-    "..=",
+/// Ranges are refused everywhere but in heads of loops; words in any order have them.
+const OPERATORS: [&str; 19] = [
+    "+", "-", "*", "/", "%", "<<", ">>", "&", "|", "^", "==", "!=", "<", "<=", ">", ">=", "??", "in", "!in",
 ];
 const ASSIGNMENTS: [&str; 11] = ["=", "+=", "-=", "*=", "/=", "%=", "<<=", ">>=", "&=", "|=", "^="];
 const PLACES: [&str; 14] = [
@@ -73,7 +73,7 @@ const PLACES: [&str; 14] = [
     "a[b]",
     "b.c",
     "a[-1]",
-    "c[0..2]",
+    "c[range(0, 2)]",
     "now.robots[0]",
 ];
 /// Methods of the language's packages beside those of the vocabulary.
@@ -125,7 +125,7 @@ const METHODS: [&str; 46] = [
     "bits",
     "type_of",
 ];
-const TOKENS: [&str; 40] = [
+const TOKENS: [&str; 42] = [
     "fn",
     "step",
     "(now)",
@@ -166,6 +166,8 @@ const TOKENS: [&str; 40] = [
     "private",
     "is_def_fn",
     "Fn",
+    "..",
+    "..=",
 ];
 
 /// What came of all scripts.
@@ -343,7 +345,7 @@ fn statement(draw: &mut Draw, depth: u32, in_loop: bool) -> String {
         5 => format!("do {{ {} }} until {};", block(draw, next, true), condition(draw)),
         6 | 7 => format!("try {{ {} }} catch (c) {{ {} }}", within(draw), within(draw)),
         8 => format!(
-            "switch {} {{ {} => {{ {} }} 10..19 if {} => {{ {} }} _ => () }}",
+            "switch {} {{ {} => {{ {} }} 10 if {} => {{ {} }} _ => () }}",
             value(draw, 1),
             draw.below(5),
             within(draw),
@@ -377,7 +379,10 @@ fn items(draw: &mut Draw) -> String {
     match draw.below(5) {
         0 => (*draw.pick(&PLACES)).to_owned(),
         1 => format!("range(0, {}, {})", draw.below(300), draw.pick(&VALUES)),
-        2 => format!("{}..{}", draw.pick(&VALUES[..9]), draw.pick(&VALUES[..9])),
+        2 => {
+            let dots = draw.pick(&["..", "..="]);
+            format!("{}{dots}{}", draw.pick(&VALUES[..9]), draw.pick(&VALUES[..9]))
+        }
         3 => "now.robots".into(),
         _ => format!("[{}, {}]", value(draw, 1), value(draw, 1)),
     }
