@@ -86,6 +86,8 @@ mod tests {
         std::fs::write(&path, bytes)?;
         let experiment = experiment(Path::new(DOCUMENT), Some(&path));
         std::fs::remove_file(path)?;
+        // Another test may have a file in it still.
+        let _in_use = std::fs::remove_dir(folder);
         experiment
     }
 

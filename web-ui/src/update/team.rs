@@ -45,16 +45,7 @@ fn join(state: &mut State, name: &str) -> Result<(), String> {
     let Some(robot) = state.lab.robot(name) else {
         return Err(format!("The laboratory has no robot {name}."));
     };
-    let new = ExperimentRobot {
-        name: name.to_owned(),
-        chassis: robot.description.chassis.clone(),
-        controller: robot.controller.clone(),
-        start: Pose {
-            x_m: 0.0,
-            y_m: 0.0,
-            yaw_rad: 0.0,
-        },
-    };
+    let (chassis, controller) = (robot.description.chassis.clone(), robot.controller.clone());
     let radius_m = robot.bounding_radius_m;
     let experiment = &state.compose.experiment;
     if experiment.robots.len() >= MAX_ROBOTS {
@@ -93,8 +84,12 @@ fn join(state: &mut State, name: &str) -> Result<(), String> {
             target.robot = Some(only.name.clone());
         }
     }
-    let start = Pose { x_m, y_m, yaw_rad: 0.0 };
-    experiment.robots.push(ExperimentRobot { start, ..new });
+    experiment.robots.push(ExperimentRobot {
+        name: name.to_owned(),
+        chassis,
+        controller,
+        start: Pose { x_m, y_m, yaw_rad: 0.0 },
+    });
     experiment.targets.extend(target.map(|[x_m, y_m]| Target {
         robot: Some(name.to_owned()),
         x_m,
@@ -150,6 +145,12 @@ mod tests {
             .collect()
     }
 
+    /// Names of all robots of the laboratory.
+    fn everyone(state: &State) -> Vec<String> {
+        let robots = state.lab.robots_in("reference");
+        robots.into_iter().map(|(name, _)| name.to_owned()).collect()
+    }
+
     /// The document as the twin gets it has no problem.
     fn is_sound(state: &mut State) {
         let time_s = state.clock.time_s + 1.0;
@@ -168,13 +169,7 @@ mod tests {
         for template in Template::ALL {
             let mut state = page(template);
             let before = state.compose.experiment.clone();
-            let others: Vec<String> = state
-                .lab
-                .reference
-                .robots
-                .iter()
-                .map(|robot| robot.description.name.clone())
-                .collect();
+            let others = everyone(&state);
             for name in &others {
                 if state.compose.experiment.robots.len() < 10 {
                     press(&mut state, name, true);
@@ -206,13 +201,7 @@ mod tests {
         assert!(state.toasts.back().expect("words").text.contains("last robot"));
         press(&mut state, "nobody", true);
         assert!(state.toasts.back().expect("words").text.contains("no robot nobody"));
-        let all: Vec<String> = state
-            .lab
-            .reference
-            .robots
-            .iter()
-            .map(|robot| robot.description.name.clone())
-            .collect();
+        let all = everyone(&state);
         for robot in &mut state.lab.reference.robots {
             robot.bounding_radius_m = 0.6;
         }
