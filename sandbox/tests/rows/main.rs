@@ -263,7 +263,8 @@ fn programs_differ_by_seed() {
 
 #[test]
 fn x1_a_few() {
-    time_is_bounded(2, 0.9);
+    // Beside other work, as in the whole suite: half of the waits. `cargo xtask soak X1` asks for 99 of 100.
+    time_is_bounded(2, 0.5);
 }
 
 #[test]
