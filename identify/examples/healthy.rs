@@ -52,6 +52,9 @@ fn main() -> ExitCode {
     for effect in &hypothesis.effects {
         println!("  {} {:?} {:?}", effect.name, effect.index, effect.parameters);
     }
+    if let Some(tread) = hypothesis.description.tread {
+        println!("  {tread:?}");
+    }
     for (what, runs) in [("references", &references), ("others", &others)] {
         let mut sums = [(0.0, 0.0_f64); CLASSES];
         for run in runs {

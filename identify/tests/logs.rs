@@ -82,13 +82,13 @@ fn a_car_at_its_limit_lacks_grip_first() {
     assert!(before_m > 1.2 && after_m < 0.8 * before_m, "{before_m} {after_m}");
     // Nothing in these runs says how a throttle that the log holds as a number becomes a speed.
     assert!(is_untestable(&found, "command_dead_band"));
-    assert!(
-        found
-            .report
-            .effects
-            .iter()
-            .all(|effect| effect.name != "steering_scale")
-    );
+    // The gain alone is the wrong name; after grip it is what the library has for the servo's map.
+    if let Some(gain) = names(&found)
+        .iter()
+        .position(|of_one| of_one.contains(&"steering_scale"))
+    {
+        assert!(gain > 0 && after_m < 0.85 * gain_m, "{gain_m} {after_m}");
+    }
 }
 
 /// The run with the description of the model that was found.

@@ -7,10 +7,9 @@ use emulator::noise::Noise;
 use identify::channel::Channel;
 use identify::diagnose::{Diagnosis, Input, Run, diagnose};
 use identify::report::{Report, Verdict};
+use plant::replayed::of_the_twin;
 use plant::{Change, background, robot, run, with_effect};
 use threads::Threads;
-use twin::pose::Pose;
-use twin::replay::replay;
 
 const CHASSIS: &str = "diff2";
 const SECONDS: usize = 20;
@@ -134,48 +133,17 @@ fn poses_of_another_robot_get_no_physical_name() {
 
 #[test]
 fn the_twins_own_data_are_no_discrepancy() {
-    let own = |runs: Vec<Run>| runs.into_iter().zip(0..).map(|(run, k)| of_the_twin(run, k)).collect();
+    let own = |runs: Vec<Run>| {
+        runs.into_iter()
+            .zip(0..)
+            .map(|(run, k)| of_the_twin(run, robot(CHASSIS), k))
+            .collect()
+    };
     let references = own(runs("reference", &Change::none(), 500, REFERENCES, true));
     let changed = own(runs("run", &Change::none(), 600, RUNS, false));
     let report = found(references, changed).report;
     assert_eq!(report.verdict, Verdict::NoDiscrepancy);
     assert!(report.effects.is_empty());
-}
-
-/// What the twin makes of a run's set-points in place of what was measured, with the described noise.
-fn of_the_twin(mut run: Run, seed: u64) -> Run {
-    let mut noise = Noise::new(seed, 1234);
-    let rows = run.bundle.command_rows();
-    let first = Pose {
-        x_m: 0.1,
-        y_m: -0.2,
-        yaw_rad: 0.4,
-    };
-    let out = replay(&run.bundle.robot, first, &rows).unwrap_or_else(|error| panic!("{error}"));
-    let sigma = run.bundle.run.robot.noise.clone().unwrap_or_default();
-    for (channel, series) in &mut run.bundle.telemetry.channels {
-        for (row, value) in series.rows.iter().zip(&mut series.values) {
-            let state = &out[*row as usize].state;
-            let (exact, deviation) = match *channel {
-                Channel::WheelSpeed(k) => (state.wheel_rad_per_s[k], sigma.wheel_rad_per_s),
-                Channel::WheelAngle(k) => (state.wheel_rad[k], None),
-                Channel::Current(k) => (state.current_a[k], sigma.current_a),
-                Channel::Bus => (state.bus_v, sigma.bus_v),
-                Channel::Gyro => (state.gyro_z_rad_per_s, sigma.gyro_rad_per_s),
-                Channel::AccelX => (state.accel_x_m_per_s2, sigma.accel_m_per_s2),
-                Channel::AccelY => (state.accel_y_m_per_s2, sigma.accel_m_per_s2),
-                Channel::PoseX => (state.pose.x_m, sigma.pose_xy_m),
-                Channel::PoseY => (state.pose.y_m, sigma.pose_xy_m),
-                Channel::PoseYaw => (state.pose.yaw_rad, sigma.pose_yaw_rad),
-                _ => continue,
-            };
-            *value = exact + deviation.unwrap_or(0.0) * noise.normal();
-            if *channel == Channel::PoseYaw {
-                *value = twin::pose::wrapped_rad(*value);
-            }
-        }
-    }
-    run
 }
 
 #[test]

@@ -31,6 +31,7 @@ pub mod sensor;
 pub mod snapshot;
 mod state;
 mod steering;
+pub mod tread;
 pub mod twist;
 mod tyre;
 pub mod workload;

@@ -7,6 +7,7 @@ use crate::motor::MotorModel;
 use crate::robot::RobotDescription;
 use crate::state::BodyState;
 use crate::steering::SteeringModel;
+use crate::tread::Tread;
 use crate::tyre::Tyre;
 
 /// Directions and lever arms of the contact points; changes with the steering angle.
@@ -178,7 +179,7 @@ impl Model {
             wheel_steering: WheelSteering::DIRECT,
             body_force: [0.0; 3],
             gravity_m_per_s2: [0.0; 2],
-            tyre: None,
+            tyre: robot.tread.filter(|tread| *tread != Tread::NOMINAL).map(Tyre::of),
             fixed: Fixed::EMPTY,
         };
         for (lane, wheel) in order.into_iter().enumerate() {

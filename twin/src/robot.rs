@@ -12,6 +12,7 @@ pub use crate::motor_control::MotorController;
 use crate::parameter;
 pub use crate::parameter::ParameterError;
 use crate::residual::{Observation, Residual, ResidualDocument};
+use crate::tread::Tread;
 use crate::twist::BodyTwist;
 use crate::world::floor::Floor;
 use std::sync::Arc;
@@ -33,6 +34,9 @@ pub struct RobotDescription {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub steering: Option<Steering>,
     pub floor_friction: f64,
+    /// Absent: the nominal contact.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tread: Option<Tread>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise: Option<Noise>,
 }

@@ -2,9 +2,9 @@
 
 use wide::f64x4;
 
-use crate::SLIP_SCALE_M_PER_S;
 use crate::lanes::{Real, most};
 use crate::math;
+use crate::tread::Tread;
 
 /// Bound on the Newton steps for the slip at the contact; each doubles the digits.
 const MOST_STEPS: u32 = 10;
@@ -12,10 +12,12 @@ const MOST_STEPS: u32 = 10;
 const SETTLED_M_PER_S: f64 = 1e-8;
 /// Square of the smallest scaled slip, so that tanh(q)/q needs no case.
 const TINY: f64 = 1e-30;
-const PER_SCALE_S_PER_M: f64 = 1.0 / SLIP_SCALE_M_PER_S;
+/// One over the square of the slip at which half of the way from grip to sliding is gone, s^2/m^2.
+const PER_SLIDING_2: f64 = 1.0 / (0.06 * 0.06);
 
-/// Two deviations from F = mu N tanh(|s| / s0) s / |s|:
+/// Deviations from F = mu N tanh(|s| / s0) s / |s|:
 ///
+/// tread: the curve of [`Tread`], in all directions alike;
 /// longitudinal: s_l = s_c + ratio |R W| F_l / (mu N), where s_c is the slip that the law above takes;
 /// side direction: mu replaced by its own value, F_t times side_scale.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,6 +25,7 @@ pub(crate) struct Tyre {
     pub(crate) slip_ratio: f64,
     /// Side friction over the floor's.
     pub(crate) side_scale: f64,
+    pub(crate) tread: Tread,
 }
 
 /// Force over mu N in both directions, and its slopes over the slip, s/m.
@@ -39,7 +42,12 @@ impl Tyre {
     pub(crate) const NOMINAL: Tyre = Tyre {
         slip_ratio: 0.0,
         side_scale: 1.0,
+        tread: Tread::NOMINAL,
     };
+
+    pub(crate) fn of(tread: Tread) -> Tyre {
+        Tyre { tread, ..Tyre::NOMINAL }
+    }
 
     /// Grip of all wheels at their slips, m/s, rolling at |R W|, m/s.
     ///
@@ -50,17 +58,19 @@ impl Tyre {
         let one = f64x4::splat(1.0);
         let extra = f64x4::splat(self.slip_ratio) * rolling_m_per_s;
         let size = along.abs();
-        let (mut law, mut short) = (Law::at(size, across), f64x4::ZERO);
+        let scale = f64x4::splat(self.tread.slip_scale_m_per_s) + f64x4::splat(self.tread.creep) * rolling_m_per_s;
+        let curve = Curve::new(&self.tread, scale);
+        let (mut law, mut short) = (Law::at(size, across, &curve), f64x4::ZERO);
         if self.slip_ratio > 0.0 {
             // A force over mu N of x / (1 + x), x = s_c / s0, as the first guess, but no less than two lower bounds: the force is
             // at most mu N, and at most mu N x.
-            let (scale, half) = (f64x4::splat(SLIP_SCALE_M_PER_S), f64x4::splat(0.5));
+            let half = f64x4::splat(0.5);
             let b = (size - extra) - scale;
             let rational = half * (b + (b * b + f64x4::splat(4.0) * (scale * size)).sqrt());
             let least = (size - extra).greater(size * (scale / (scale + extra)));
             let mut contact = rational.greater(least);
             for _ in 0..MOST_STEPS {
-                law = Law::at(contact, across);
+                law = Law::at(contact, across, &curve);
                 short = ((size - contact) - extra * law.along) / (one + extra * law.d_ll);
                 // The force is concave: a step from above its slip may go too far, never below the bounds.
                 let next = (contact + short).greater(least);
@@ -83,7 +93,52 @@ impl Tyre {
     }
 }
 
-/// tanh(|s| / s0) s / |s| and its slopes, s/m.
+/// Force over friction times load at the size of a slip.
+struct Curve {
+    scale_m_per_s: f64x4,
+    per_scale: f64x4,
+    tail: f64,
+    sliding: f64,
+}
+
+impl Curve {
+    #[inline(always)]
+    fn new(tread: &Tread, scale_m_per_s: f64x4) -> Curve {
+        Curve {
+            scale_m_per_s,
+            per_scale: f64x4::splat(1.0) / scale_m_per_s,
+            tail: tread.tail,
+            sliding: tread.sliding,
+        }
+    }
+
+    /// The force and its slope at q = |s| / s0.
+    #[inline(always)]
+    fn at(&self, q: f64x4) -> (f64x4, f64x4) {
+        let one = f64x4::splat(1.0);
+        let tanh = math::tanh_of(q);
+        let (mut force, mut slope) = (tanh, one - tanh * tanh);
+        if self.tail > 0.0 {
+            let (tail, left) = (f64x4::splat(self.tail), one / (one + q));
+            force = force + tail * (q * left - force);
+            slope = slope + tail * (left * left - slope);
+        }
+        if self.sliding < 1.0 {
+            let speed = q * self.scale_m_per_s;
+            let square = f64x4::splat(PER_SLIDING_2) * (speed * speed);
+            let grip = one / (one + square);
+            let lost = f64x4::splat(1.0 - self.sliding);
+            let share = one - lost * (one - grip);
+            // d/dq of grip: -2 square grip^2 / q
+            let fall = f64x4::splat(2.0) * (lost * ((square / q) * (grip * grip)));
+            slope = slope * share - force * fall;
+            force = force * share;
+        }
+        (force, slope)
+    }
+}
+
+/// The force over friction times load along and across, and its slopes, s/m.
 struct Law {
     along: f64x4,
     across: f64x4,
@@ -94,14 +149,14 @@ struct Law {
 
 impl Law {
     #[inline(always)]
-    fn at(along_m_per_s: f64x4, across_m_per_s: f64x4) -> Law {
-        let (one, per_scale) = (f64x4::splat(1.0), f64x4::splat(PER_SCALE_S_PER_M));
+    fn at(along_m_per_s: f64x4, across_m_per_s: f64x4, curve: &Curve) -> Law {
+        let per_scale = curve.per_scale;
         let (ql, qt) = (per_scale * along_m_per_s, per_scale * across_m_per_s);
         let q2 = (ql * ql + qt * qt) + f64x4::splat(TINY);
         let q = q2.sqrt();
-        let tanh = math::tanh_of(q);
-        let secant = tanh / q;
-        let bend = ((one - tanh * tanh) - secant) / q2;
+        let (force, slope) = curve.at(q);
+        let secant = force / q;
+        let bend = (slope - secant) / q2;
         Law {
             along: secant * ql,
             across: secant * qt,
@@ -115,6 +170,7 @@ impl Law {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::SLIP_SCALE_M_PER_S;
 
     fn grip(tyre: &Tyre, along: f64, across: f64, rolling: f64) -> [f64; 5] {
         let four = f64x4::splat;
@@ -135,6 +191,7 @@ mod tests {
             let tyre = Tyre {
                 slip_ratio: ratio,
                 side_scale: 0.7,
+                tread: Tread::NOMINAL,
             };
             for rolling in [0.0, 0.02, 0.5, 3.0] {
                 for contact in [0.0, 1e-9, 1e-4, 0.003, 0.02, 0.1, 2.0] {
@@ -151,14 +208,50 @@ mod tests {
         }
     }
 
+    const TREAD: Tread = Tread {
+        slip_scale_m_per_s: 0.005,
+        creep: 0.04,
+        tail: 0.6,
+        sliding: 0.85,
+    };
+
+    #[test]
+    fn a_tread_creeps_with_rolling_and_slides_with_less() {
+        let tyre = Tyre::of(TREAD);
+        let expected = |size: f64, rolling: f64| {
+            let q = size / (0.005 + 0.04 * rolling);
+            let grip = 0.4 * libm::tanh(q) + 0.6 * q / (1.0 + q);
+            grip * (0.85 + 0.15 / (1.0 + (size / 0.06) * (size / 0.06)))
+        };
+        for rolling in [0.0, 0.1, 1.5] {
+            for (along, across) in [(1e-5, 0.0), (0.003, -0.004), (-0.03, 0.04), (0.0, 0.5), (3.0, 0.1)] {
+                let size = libm::hypot(along, across);
+                let [force_along, force_across, ..] = grip(&tyre, along, across, rolling);
+                let off = libm::hypot(
+                    force_along - expected(size, rolling) * along / size,
+                    force_across - expected(size, rolling) * across / size,
+                );
+                assert!(off < 1e-12, "{rolling} {along} {across}: {off:e}");
+            }
+        }
+        assert!(expected(0.002, 1.5) < 0.35 * expected(0.002, 0.0));
+        assert!(expected(3.0, 0.0) < 0.87);
+    }
+
     #[test]
     fn slopes_are_those_of_the_forces() {
-        let tyre = Tyre {
-            slip_ratio: 0.06,
-            side_scale: 1.0,
-        };
+        for (slip_ratio, tread) in [(0.06, Tread::NOMINAL), (0.0, TREAD), (0.06, TREAD)] {
+            slopes_of(&Tyre {
+                slip_ratio,
+                side_scale: 1.0,
+                tread,
+            });
+        }
+    }
+
+    fn slopes_of(tyre: &Tyre) {
         for (along, across) in [(0.004, 0.0), (0.03, 0.01), (-0.05, 0.02), (0.2, -0.1), (-0.01, -0.03)] {
-            let at = |l: f64, t: f64| grip(&tyre, l, t, 0.8);
+            let at = |l: f64, t: f64| grip(tyre, l, t, 0.8);
             let [.., d_ll, d_lt, d_tt] = at(along, across);
             let h = 1e-6;
             let by =

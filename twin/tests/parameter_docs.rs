@@ -194,6 +194,9 @@ fn every_limit_of_the_table_is_enforced() {
             }
             let set = |number: f64| {
                 let mut value = reference();
+                if parameter.path.starts_with("tread.") {
+                    value["tread"] = serde_json::to_value(twin::tread::Tread::NOMINAL).expect("JSON");
+                }
                 let number = if parameter.whole {
                     json!(number as i64)
                 } else {

@@ -177,7 +177,9 @@ pub fn diagnose(workers: &dyn Workers, input: &Input) -> Result<Diagnosis, Diagn
         remarks.push("no references: the robot description and its noise are taken at their word".to_owned());
         Floor::stated(given, knobs)
     } else {
-        Floor::calibrated(workers, given, knobs, &stages, references)?
+        let floor = Floor::calibrated(workers, given, knobs, &stages, references)?;
+        remarks.extend(tyres(&floor.model));
+        floor
     };
     let liveliness: Vec<f64> = records.iter().map(|record| record.largest_command_rad_per_s).collect();
     let roles = roles(&liveliness, !input.locked.is_empty());
@@ -206,6 +208,17 @@ pub fn diagnose(workers: &dyn Workers, input: &Input) -> Result<Diagnosis, Diagn
     search(workers, &mut case, &stages)?;
     workers.progress("report", 0.95);
     assemble::assemble(workers, &mut case)
+}
+
+/// How the references' tyres creep and slide, in words.
+fn tyres(model: &Hypothesis) -> Option<String> {
+    let tread = model.description.tread?;
+    Some(format!(
+        "tyres as calibrated on the references: slip scale {:.1} mm/s, creep {:.3}, sliding friction {:.2} of grip",
+        1e3 * tread.slip_scale_m_per_s,
+        tread.creep,
+        tread.sliding
+    ))
 }
 
 fn check(input: &Input) -> Result<(), DiagnoseError> {
@@ -278,6 +291,7 @@ fn knob_stages(knob: &Knob, candidates: &[Candidate]) -> Stages {
             drive: true,
             rolling: false,
         },
+        Knob::Tread(_) => Stages::BOTH,
         Knob::Parameter { name, .. } => candidates
             .iter()
             .find(|candidate| candidate.entry.name == *name)

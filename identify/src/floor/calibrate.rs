@@ -14,8 +14,11 @@ use twin::robot::RobotDescription;
 
 /// What a laboratory's description is off by, standard deviation in practical sizes.
 const DESCRIPTION_SIGMA: f64 = 1.5;
+pub(super) const PRIOR_PRECISION: f64 = 1.0 / (DESCRIPTION_SIGMA * DESCRIPTION_SIGMA);
 /// Without references: what a description that its laboratory has looked after is off by.
 const WORD_SIGMA: f64 = 0.35;
+/// The same of the tread.
+const TREAD_SIGMA: f64 = 1.0;
 /// From run to run and from day to day, in practical sizes: stated prior, worth this many references.
 const VARIATION_SIGMA: f64 = 0.12;
 const VARIATION_RUNS: f64 = 3.0;
@@ -92,6 +95,15 @@ fn prior_variation(knob: &Knob, robot: &RobotDescription) -> f64 {
             sigma * sigma
         }
         Knob::Supply(_) | Knob::Resistance(_) => WEATHER_SIGMA * WEATHER_SIGMA,
+        Knob::Tread(_) => RIGID_VARIATION * RIGID_VARIATION,
+    }
+}
+
+/// What a knob is off by without references. No description knows its tyres.
+fn word_sigma(knob: &Knob) -> f64 {
+    match knob {
+        Knob::Tread(_) => TREAD_SIGMA,
+        _ => WORD_SIGMA,
     }
 }
 
@@ -119,14 +131,15 @@ impl Floor {
             .collect();
         let mut uncertainty = Square::zero(knobs.len());
         for (k, variance) in variation.iter().enumerate() {
-            uncertainty.set(k, k, variance + WORD_SIGMA * WORD_SIGMA);
+            let word = word_sigma(&knobs[k]);
+            uncertainty.set(k, k, variance + word * word);
         }
         Floor {
             noise: NoiseModel::prior(&given.description),
             model: given.clone(),
             given,
             values: vec![0.0; knobs.len()],
-            sigmas: vec![WORD_SIGMA; knobs.len()],
+            sigmas: knobs.iter().map(word_sigma).collect(),
             knobs,
             variation,
             uncertainty,
@@ -169,6 +182,9 @@ impl Floor {
             let changes = knob_changes(&floor.model, &floor.knobs, stages);
             floor.sensitivities = columns(workers, &floor.references, &floor.residuals, &changes)?;
             floor.fit(workers)?;
+            if time == 0 {
+                floor.choose_tread(workers)?;
+            }
         }
         Ok(floor)
     }
@@ -208,10 +224,9 @@ impl Floor {
             let (information, score) = self.information();
             let mut system = information;
             let mut right = score;
-            let precision = 1.0 / (DESCRIPTION_SIGMA * DESCRIPTION_SIGMA);
             for k in 0..count {
-                system.add(k, k, precision);
-                right[k] -= precision * self.values[k];
+                system.add(k, k, PRIOR_PRECISION);
+                right[k] -= PRIOR_PRECISION * self.values[k];
             }
             let step = system.cholesky().solve(&right);
             if !self.take(workers, &step)? {
@@ -223,7 +238,7 @@ impl Floor {
         self.leave_out();
         let (mut information, _) = self.information();
         for k in 0..count {
-            information.add(k, k, 1.0 / (DESCRIPTION_SIGMA * DESCRIPTION_SIGMA));
+            information.add(k, k, PRIOR_PRECISION);
         }
         self.uncertainty = information.cholesky().inverse();
         for k in 0..count {
@@ -250,7 +265,7 @@ impl Floor {
                         .sum::<f64>()
                 })
                 .sum();
-            misfit + dot(values, values) / (DESCRIPTION_SIGMA * DESCRIPTION_SIGMA)
+            misfit + PRIOR_PRECISION * dot(values, values)
         };
         let before = energy(&self.residuals, &self.values, self);
         for share in [1.0, 0.5, 0.2] {
@@ -274,7 +289,7 @@ impl Floor {
     }
 
     /// S' W S and S' W y of one reference.
-    fn moments(&self, reference: usize) -> (Square, Vec<f64>) {
+    pub(super) fn moments(&self, reference: usize) -> (Square, Vec<f64>) {
         let weighting = self.noise.weighting(&self.references[reference]);
         let turned = |vector: &[f64]| weighting.turned(vector);
         let residual = turned(&self.residuals[reference]);
@@ -353,7 +368,7 @@ impl Floor {
                 }
             }
             for k in 0..count {
-                others.add(k, k, 1.0 / (DESCRIPTION_SIGMA * DESCRIPTION_SIGMA));
+                others.add(k, k, PRIOR_PRECISION);
             }
             let back = others.cholesky().solve(score);
             for (knob, amount) in self.sensitivities.iter().zip(back) {

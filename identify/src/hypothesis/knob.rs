@@ -5,7 +5,7 @@
 
 use twin::effect::Effect;
 
-use super::{Candidate, Hypothesis};
+use super::{Candidate, Hypothesis, TreadKnob};
 
 /// One direction.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,6 +25,7 @@ pub enum Knob {
     Supply(f64),
     /// Resistance of the motors, share for a knob at 1.
     Resistance(f64),
+    Tread(TreadKnob),
 }
 
 /// Effects that are no laboratory's everyday difference, or change nothing when they are small.
@@ -82,6 +83,7 @@ pub fn knobs(candidates: &[Candidate], with_motor: bool) -> Vec<Knob> {
         all.push(Knob::Supply(SUPPLY_SHARE));
         all.push(Knob::Resistance(RESISTANCE_SHARE));
     }
+    all.extend(TreadKnob::ALL.map(Knob::Tread));
     all
 }
 
@@ -100,7 +102,7 @@ impl Knob {
                 parameter: own,
                 ..
             } => *name == candidate.entry.name && *index == candidate.index && *own == parameter,
-            Knob::Supply(_) | Knob::Resistance(_) => false,
+            Knob::Supply(_) | Knob::Resistance(_) | Knob::Tread(_) => false,
         }
     }
 
@@ -122,6 +124,7 @@ impl Knob {
                 high,
                 ..
             } if !BOTH_WAYS.contains(name) => value.clamp((low - neutral) / practical, (high - neutral) / practical),
+            Knob::Tread(knob) => knob.possible(value),
             _ => value,
         }
     }
@@ -137,6 +140,7 @@ impl Knob {
             },
             Knob::Supply(_) => "supply voltage".to_owned(),
             Knob::Resistance(_) => "motor resistance".to_owned(),
+            Knob::Tread(knob) => knob.label().to_owned(),
         }
     }
 }
@@ -159,6 +163,7 @@ pub fn realised(base: &Hypothesis, knobs: &[Knob], values: &[f64]) -> Hypothesis
                     motor.resistance_ohm *= (1.0 + share * value).max(0.3);
                 }
             }
+            Knob::Tread(knob) => knob.apply(&mut changed, *value),
             Knob::Parameter {
                 name,
                 index,

@@ -2,9 +2,11 @@
 
 mod candidate;
 mod knob;
+mod tread;
 
 pub use candidate::{Axis, Candidate, Column, Excitation, Kind, applies, candidates};
 pub use knob::{Knob, knobs, realised};
+pub use tread::TreadKnob;
 
 use twin::effect::Effect;
 use twin::residual::ResidualDocument;

@@ -1,6 +1,8 @@
 //! Runs of another plant: the emulator's body with firmware, sensors and faults of its own, as bundles.
 #![allow(dead_code)]
 
+pub mod replayed;
+
 use emulator::hidden::{FrictionPatch, HiddenFloor, HiddenRobot, RunVariation};
 use emulator::noise::Noise;
 use emulator::plant::body::{Body, Drive, Ground, Push};

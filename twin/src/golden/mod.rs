@@ -150,6 +150,7 @@ pub fn reference_robot(chassis: &str) -> RobotDescription {
             angle_limit_rad: Some(0.5),
         }),
         floor_friction: 0.8,
+        tread: None,
         noise: None,
     }
 }

@@ -21,8 +21,8 @@ use crate::{COULOMB_SCALE_RAD_PER_S, MAX_WHEELS, SLIP_SCALE_M_PER_S};
 const GAMMA: f64 = 0.292_893_218_813_452_5;
 /// Largest change of a slip in the last iteration, m/s; the error left is quadratic in it (below 1e-6 m/s).
 const TOLERANCE_M_PER_S: f64 = 1e-4;
-/// A slip that moved less than this is followed by a Newton iteration, else by a secant one, m/s.
-const NEWTON_RANGE_M_PER_S: f64 = 0.5 * SLIP_SCALE_M_PER_S;
+/// A slip that moved less than this many slip scales is followed by a Newton iteration, else by a secant one.
+const NEWTON_RANGE: f64 = 0.5;
 /// Bound on the iterations of one stage.
 const MAX_ITERATIONS: u32 = 40;
 /// Square of the smallest scaled slip, so that tanh(q)/q needs no case.
@@ -138,9 +138,14 @@ impl<'a> Newton<'a> {
                 y.wheel[i] = base.wheel[i];
             }
         }
+        let scale_m_per_s = self
+            .model
+            .tyre
+            .map_or(SLIP_SCALE_M_PER_S, |tyre| tyre.tread.slip_scale_m_per_s);
+        let near_m_per_s = NEWTON_RANGE * scale_m_per_s;
         let mut moved = [0.0_f64; N];
         for _ in 0..MAX_ITERATIONS {
-            let tangent = moved.map(|slip| if slip < NEWTON_RANGE_M_PER_S { 1.0 } else { 0.0 });
+            let tangent = moved.map(|slip| if slip < near_m_per_s { 1.0 } else { 0.0 });
             if self.iterate(base, &mut y, k, &tangent, &mut moved) < TOLERANCE_M_PER_S {
                 break;
             }

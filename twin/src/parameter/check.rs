@@ -4,6 +4,7 @@ use super::table::{self, Parameter};
 use super::{ParameterError, WHEEL_KINDS, chassis, check_value, control, field, plausible, problem};
 use crate::MAX_WHEELS;
 use crate::robot::{Motor, Noise, RobotDescription, Steering, Wheel};
+use crate::tread::Tread;
 
 /// All problems of a description, in the order of its fields.
 pub(crate) fn check(robot: &RobotDescription) -> Vec<ParameterError> {
@@ -27,6 +28,9 @@ pub(crate) fn check(robot: &RobotDescription) -> Vec<ParameterError> {
         check_steering(&mut problems, steering);
     }
     check_value(&mut problems, None, robot.floor_friction, &table::FLOOR_FRICTION);
+    if let Some(tread) = &robot.tread {
+        check_tread(&mut problems, tread);
+    }
     if let Some(noise) = &robot.noise {
         check_noise(&mut problems, noise);
     }
@@ -127,6 +131,16 @@ fn check_steering(problems: &mut Vec<ParameterError>, steering: &Steering) {
         (Some(steering.lag_s), &table::STEERING_LAG),
         (steering.rate_limit_rad_per_s, &table::STEERING_RATE),
         (steering.angle_limit_rad, &table::STEERING_ANGLE),
+    ];
+    check_given(problems, &values);
+}
+
+fn check_tread(problems: &mut Vec<ParameterError>, tread: &Tread) {
+    let values = [
+        (Some(tread.slip_scale_m_per_s), &table::TREAD_SLIP_SCALE),
+        (Some(tread.creep), &table::TREAD_CREEP),
+        (Some(tread.tail), &table::TREAD_TAIL),
+        (Some(tread.sliding), &table::TREAD_SLIDING),
     ];
     check_given(problems, &values);
 }

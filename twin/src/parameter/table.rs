@@ -352,6 +352,34 @@ pub(super) const FLOOR_FRICTION: Parameter = number("mu", "floor_friction", "", 
         "friction coefficient of tyre on floor",
         "give the friction coefficient of tyre on floor, usually 0.3 to 1",
     );
+pub(super) const TREAD_SLIP_SCALE: Parameter = number("s_0", "tread.slip_scale_m_per_s", "m/s", 0.002, 0.5)
+    .absent(WhenAbsent::With("tread"))
+    .practical(Relative(0.5))
+    .about(
+        "slip at which a wheel at rest nears the friction; 0.02 without a tread",
+        "give the slip of a standing wheel that uses most of the friction, 0.02 when unknown",
+    );
+pub(super) const TREAD_CREEP: Parameter = number("c", "tread.creep", "", 0.0, 0.5)
+    .absent(WhenAbsent::With("tread"))
+    .practical(Absolute(0.02))
+    .about(
+        "what rolling adds to it, over the speed of the rim",
+        "give the slip ratio over the share of the friction used, 0 for none",
+    );
+pub(super) const TREAD_TAIL: Parameter = number("t", "tread.tail", "", 0.0, 1.0)
+    .absent(WhenAbsent::With("tread"))
+    .practical(Absolute(0.25))
+    .about(
+        "share of the curve q / (1 + q) beside tanh q, which nears the friction sooner",
+        "give 0 for tanh, 1 for q / (1 + q)",
+    );
+pub(super) const TREAD_SLIDING: Parameter = number("k", "tread.sliding", "", 0.5, 1.0)
+    .absent(WhenAbsent::With("tread"))
+    .practical(Absolute(0.05))
+    .about(
+        "friction of fast sliding over the floor's",
+        "give sliding over static friction, 1 when unknown",
+    );
 pub(super) const NOISE_POSE_XY: Parameter =
     noise("noise.pose_xy_m", "m", "tracked position, each axis").reference(0.001, Estimate);
 pub(super) const NOISE_POSE_YAW: Parameter =
@@ -398,6 +426,10 @@ pub const TABLE: &[&Parameter] = &[
     &STEERING_RATE,
     &STEERING_ANGLE,
     &FLOOR_FRICTION,
+    &TREAD_SLIP_SCALE,
+    &TREAD_CREEP,
+    &TREAD_TAIL,
+    &TREAD_SLIDING,
     &NOISE_POSE_XY,
     &NOISE_POSE_YAW,
     &NOISE_WHEEL,

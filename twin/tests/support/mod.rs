@@ -47,6 +47,7 @@ fn description(chassis: &str, wheels: Vec<Wheel>) -> RobotDescription {
         motor: Some(motor()),
         steering: None,
         floor_friction: 0.8,
+        tread: None,
         noise: None,
     }
 }

@@ -1,0 +1,76 @@
+//! References say how their tyres creep and slide.
+
+mod plant;
+
+use identify::diagnose::calibrated;
+use identify::workers::Serial;
+use plant::replayed::of_the_twin;
+use plant::{Change, robot, run};
+use twin::tread::Tread;
+
+fn calibrated_tread(tread: Option<Tread>) -> Option<Tread> {
+    let description = robot("diff2");
+    let mut own = description.clone();
+    own.tread = tread;
+    let references: Vec<_> = (0..4)
+        .map(|k| {
+            let driven = run(
+                &format!("reference-{k}"),
+                &description,
+                &Change::none(),
+                800 + k,
+                20,
+                true,
+            );
+            of_the_twin(driven, own.clone(), k)
+        })
+        .collect();
+    calibrated(&Serial, &references, None)
+        .expect("calibrated")
+        .description
+        .tread
+}
+
+#[test]
+fn the_tread_of_references_is_found() {
+    let truth = Tread {
+        slip_scale_m_per_s: 0.006,
+        creep: 0.06,
+        tail: 0.4,
+        sliding: 0.9,
+    };
+    let found = calibrated_tread(Some(truth)).expect("a tread");
+    // Numbers stand in for each other a little; the force is what was measured.
+    for rolling_m_per_s in [0.4, 1.0] {
+        for slip_m_per_s in [0.003, 0.01, 0.03, 0.1, 0.3] {
+            let [is, was] = [found, truth].map(|tread| share(&tread, slip_m_per_s, rolling_m_per_s));
+            let nominal = share(&Tread::NOMINAL, slip_m_per_s, rolling_m_per_s);
+            let off = (is - was).abs();
+            assert!(
+                off < (0.5 * (nominal - was).abs()).max(0.04),
+                "{found:?} {slip_m_per_s} {rolling_m_per_s}: {is} {was}"
+            );
+        }
+    }
+}
+
+/// Force over friction times load.
+fn share(tread: &Tread, slip_m_per_s: f64, rolling_m_per_s: f64) -> f64 {
+    let q = slip_m_per_s / (tread.slip_scale_m_per_s + tread.creep * rolling_m_per_s);
+    let grip = (1.0 - tread.tail) * q.tanh() + tread.tail * q / (1.0 + q);
+    grip * (tread.sliding + (1.0 - tread.sliding) / (1.0 + (slip_m_per_s / 0.06).powi(2)))
+}
+
+#[test]
+fn tyres_of_the_nominal_contact_stay_what_they_are() {
+    let found = calibrated_tread(None).unwrap_or(Tread::NOMINAL);
+    assert!(found.creep < 0.004, "{found:?}");
+    assert!(
+        (found.slip_scale_m_per_s / Tread::NOMINAL.slip_scale_m_per_s)
+            .ln()
+            .abs()
+            < 0.15,
+        "{found:?}"
+    );
+    assert!(found.sliding > 0.97 && found.tail < 0.15, "{found:?}");
+}
