@@ -132,7 +132,7 @@ impl Curve {
             // d/dq of grip: -2 square grip^2 / q
             let fall = f64x4::splat(2.0) * (lost * ((square / q) * (grip * grip)));
             slope = slope * share - force * fall;
-            force = force * share;
+            force *= share;
         }
         (force, slope)
     }

@@ -178,7 +178,7 @@ pub fn diagnose(workers: &dyn Workers, input: &Input) -> Result<Diagnosis, Diagn
         Floor::stated(given, knobs)
     } else {
         let floor = Floor::calibrated(workers, given, knobs, &stages, references)?;
-        remarks.extend(tyres(&floor.model));
+        remarks.extend(floor.tyres());
         floor
     };
     let liveliness: Vec<f64> = records.iter().map(|record| record.largest_command_rad_per_s).collect();
@@ -208,17 +208,6 @@ pub fn diagnose(workers: &dyn Workers, input: &Input) -> Result<Diagnosis, Diagn
     search(workers, &mut case, &stages)?;
     workers.progress("report", 0.95);
     assemble::assemble(workers, &mut case)
-}
-
-/// How the references' tyres creep and slide, in words.
-fn tyres(model: &Hypothesis) -> Option<String> {
-    let tread = model.description.tread?;
-    Some(format!(
-        "tyres as calibrated on the references: slip scale {:.1} mm/s, creep {:.3}, sliding friction {:.2} of grip",
-        1e3 * tread.slip_scale_m_per_s,
-        tread.creep,
-        tread.sliding
-    ))
 }
 
 fn check(input: &Input) -> Result<(), DiagnoseError> {

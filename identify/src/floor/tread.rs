@@ -21,6 +21,17 @@ const CURVES: [[f64; 4]; 6] = [
 const LEAST_GAIN: f64 = 30.0;
 
 impl Floor {
+    /// How the references' tyres creep and slide, in words.
+    pub fn tyres(&self) -> Option<String> {
+        let tread = self.model.description.tread?;
+        Some(format!(
+            "tyres as calibrated on the references: slip scale {:.1} mm/s, creep {:.3}, sliding friction {:.2} of grip",
+            1e3 * tread.slip_scale_m_per_s,
+            tread.creep,
+            tread.sliding
+        ))
+    }
+
     /// Goes to the curve with which the references agree best, all other knobs turned as their slopes say.
     pub(super) fn choose_tread(&mut self, workers: &dyn Workers) -> Result<(), Cancelled> {
         let system = self.system();
