@@ -37,6 +37,9 @@ pub struct RobotDescription {
     /// Absent: the nominal contact.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tread: Option<Tread>,
+    /// Time constant of the accelerometer's low-pass filter; absent: it shows what it feels at once. Logs are compared through it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub accelerometer_lag_s: Option<f64>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise: Option<Noise>,
 }
@@ -87,6 +90,9 @@ pub struct Motor {
 #[serde(deny_unknown_fields)]
 pub struct Steering {
     pub lag_s: f64,
+    /// Time constant of a filter in front of it: with both equal, a critically damped servo of second order. Absent: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub filter_s: Option<f64>,
     pub rate_limit_rad_per_s: Option<f64>,
     pub angle_limit_rad: Option<f64>,
 }
@@ -173,7 +179,8 @@ impl Robot {
         effect::shape(&mut model, &active);
         model.freeze();
         let acting = residual.clone().filter(|residual| !residual.document().is_neutral());
-        let dynamics = Dynamics::new(&model, &active, acting);
+        let filter_s = description.steering.as_ref().and_then(|steering| steering.filter_s);
+        let dynamics = Dynamics::new(&model, &active, filter_s.unwrap_or(0.0), acting);
         model.contact_varies |= dynamics.as_ref().is_some_and(Dynamics::changes_radii);
         let sensors = effect::sensor_stages(&active);
         Ok(Robot {

@@ -51,6 +51,7 @@ fn number(value: f64) -> String {
 
 fn row(parameter: &Parameter) -> String {
     let absent = match parameter.when_absent {
+        WhenAbsent::Nothing => "none".to_owned(),
         WhenAbsent::Required => "refused".to_owned(),
         WhenAbsent::CasterOnly => "casters only".to_owned(),
         WhenAbsent::Unlimited => "no limit".to_owned(),
@@ -202,6 +203,12 @@ fn every_limit_of_the_table_is_enforced() {
                 } else {
                     json!(number)
                 };
+                // What the reference leaves out.
+                match parameter.path {
+                    "steering.filter_s" => value["steering"]["filter_s"] = json!(0.0),
+                    "accelerometer_lag_s" => value["accelerometer_lag_s"] = json!(0.0),
+                    _ => {}
+                }
                 let place = pointer(parameter);
                 match value.pointer_mut(&place) {
                     Some(place) => *place = number,

@@ -49,6 +49,53 @@ fn rows_on_the_grid_are_the_free_robot() {
     }
 }
 
+/// Lag and filter of 40 ms each: 1 - (1 + w t) exp(-w t), w = 25/s, to half a physics step of the fastest motion.
+#[test]
+fn a_filter_as_slow_as_the_steering_makes_it_critically_damped() {
+    let mut description = car("rwd");
+    if let Some(steering) = &mut description.steering {
+        (steering.lag_s, steering.filter_s, steering.rate_limit_rad_per_s) = (0.04, Some(0.04), None);
+    }
+    let robot = robot(description);
+    let mut rows: Vec<CommandRow> = (0..60).map(|tick| row(f64::from(tick) / 120.0)).collect();
+    rows[0].steering_rad = Some(0.0);
+    rows[12].steering_rad = Some(0.3);
+    let Ok(out) = replay(&robot, Pose::default(), &rows) else {
+        panic!("refused")
+    };
+    for at in &out[12..] {
+        let q = 25.0 * (at.time_s - 0.1);
+        let exact = 0.3 * (1.0 - (1.0 + q) * (-q).exp());
+        assert!(
+            (at.state.steering_rad - exact).abs() < 0.003,
+            "{} s: {} {exact}",
+            at.time_s,
+            at.state.steering_rad
+        );
+    }
+}
+
+/// A filter of no length changes no bit.
+#[test]
+fn no_filter_is_none() {
+    let with = |filter_s: Option<f64>| {
+        let mut description = car("fwd");
+        if let Some(steering) = &mut description.steering {
+            steering.filter_s = filter_s;
+        }
+        let mut rows: Vec<CommandRow> = (0..60).map(|tick| row(f64::from(tick) / 120.0)).collect();
+        rows[3].steering_rad = Some(0.2);
+        match replay(&robot(description), Pose::default(), &rows) {
+            Ok(out) => out
+                .iter()
+                .map(|row| row.state.steering_rad.to_bits())
+                .collect::<Vec<u64>>(),
+            Err(error) => panic!("{error}"),
+        }
+    };
+    assert_eq!(with(None), with(Some(0.0)));
+}
+
 #[test]
 fn set_points_hold_and_rows_without_commands_only_read() {
     let robot = robot(diff2());

@@ -18,6 +18,15 @@ pub fn calibrated(
     references: &[Run],
     model: Option<&ModelDocument>,
 ) -> Result<Hypothesis, DiagnoseError> {
+    Ok(calibrated_floor(workers, references, model)?.model)
+}
+
+/// The same with everything that is known about its errors.
+pub fn calibrated_floor(
+    workers: &dyn Workers,
+    references: &[Run],
+    model: Option<&ModelDocument>,
+) -> Result<Floor, DiagnoseError> {
     let first = references.first().ok_or(DiagnoseError::NoRuns)?;
     let given = Hypothesis {
         description: model.map_or_else(|| first.bundle.run.robot.clone(), |model| model.robot.clone()),
@@ -27,7 +36,7 @@ pub fn calibrated(
     let records = usable(references)?.0;
     let excitation = excited::excitation(&records, &given);
     let candidates = candidates(&given.description, &excitation);
-    let knobs = knobs(&candidates, given.description.motor.is_some());
+    let knobs = knobs(&candidates, &given.description);
     let stages: Vec<Stages> = knobs.iter().map(|knob| knob_stages(knob, &candidates)).collect();
-    Ok(Floor::calibrated(workers, given, knobs, &stages, records)?.model)
+    Ok(Floor::calibrated(workers, given, knobs, &stages, records)?)
 }

@@ -10,7 +10,7 @@ mod loudness;
 mod next;
 mod prepared;
 
-pub use calibrate::calibrated;
+pub use calibrate::{calibrated, calibrated_floor};
 
 use twin::model_document::ModelDocument;
 
@@ -170,7 +170,7 @@ pub fn diagnose(workers: &dyn Workers, input: &Input) -> Result<Diagnosis, Diagn
     let locked_records = usable(&input.locked)?.0;
     let excitation = excited::excitation(&records, &given);
     let candidates = candidates(&description, &excitation);
-    let knobs = knobs(&candidates, description.motor.is_some());
+    let knobs = knobs(&candidates, &description);
     let stages: Vec<Stages> = knobs.iter().map(|knob| knob_stages(knob, &candidates)).collect();
     workers.progress("calibrate", 0.05);
     let floor = if references.is_empty() {
@@ -280,7 +280,11 @@ fn knob_stages(knob: &Knob, candidates: &[Candidate]) -> Stages {
             drive: true,
             rolling: false,
         },
-        Knob::Tread(_) => Stages::BOTH,
+        Knob::AccelerometerLag(_) => Stages {
+            drive: true,
+            rolling: false,
+        },
+        Knob::Tread(_) | Knob::SteeringFilter(_) => Stages::BOTH,
         Knob::Parameter { name, .. } => candidates
             .iter()
             .find(|candidate| candidate.entry.name == *name)

@@ -111,7 +111,7 @@ pub(super) fn prepare(
         .zip(simulated)
         .filter_map(|(record, residual)| Some((record, residual?)))
         .unzip();
-    let changes = knob_changes(&floor.model, &floor.knobs, stages);
+    let changes = knob_changes(&floor.model, &floor.knobs, &floor.values, stages);
     let sensitivities = columns(workers, &records, &residuals, &changes)?;
     let metric = floor.metric(&records, &sensitivities);
     Ok(Prepared {

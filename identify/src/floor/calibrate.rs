@@ -4,6 +4,7 @@
 #![allow(clippy::needless_range_loop)]
 
 use super::metric::{Metric, dot};
+use super::modes::Weighting;
 use super::noise::NoiseModel;
 use crate::hypothesis::{Hypothesis, Knob, realised};
 use crate::linear::Square;
@@ -25,9 +26,14 @@ const VARIATION_RUNS: f64 = 3.0;
 /// The same for friction, as a share of the described one, and the least in practical sizes.
 const FRICTION_VARIATION: f64 = 0.1;
 const LEAST_VARIATION: f64 = 0.01;
-/// The same for what is bolted or built in: no rigid body changes between two runs by more than a little warmth and wear.
+/// The same for what is bolted, built in or programmed: no rigid body changes between two runs by more than a little warmth and wear, and no firmware's timing
+/// by itself. Clocks do.
 const RIGID_VARIATION: f64 = 0.03;
-const RIGID: [&str; 10] = [
+const RIGID: [&str; 14] = [
+    "command_delay",
+    "motor_lag",
+    "steering_lag",
+    "localization_latency",
     "wheel_radius",
     "wheel_radius_one",
     "track_width",
@@ -41,7 +47,10 @@ const RIGID: [&str; 10] = [
 ];
 /// The same for battery and temperature, in knobs.
 const WEATHER_SIGMA: f64 = 1.0;
-const GAUSS_NEWTON_STEPS: usize = 3;
+/// Steps that are tried from one linearisation, and Marquardt's damping, as a share of the diagonal.
+const MOST_TRIALS: usize = 8;
+const LEAST_DAMPING: f64 = 0.01;
+const MOST_DAMPING: f64 = 100.0;
 /// Times that the sensitivities are taken anew at the calibrated model.
 const LINEARISATIONS: usize = 2;
 /// References that the first of them takes.
@@ -95,28 +104,30 @@ fn prior_variation(knob: &Knob, robot: &RobotDescription) -> f64 {
             sigma * sigma
         }
         Knob::Supply(_) | Knob::Resistance(_) => WEATHER_SIGMA * WEATHER_SIGMA,
-        Knob::Tread(_) => RIGID_VARIATION * RIGID_VARIATION,
+        Knob::Tread(_) | Knob::SteeringFilter(_) | Knob::AccelerometerLag(_) => RIGID_VARIATION * RIGID_VARIATION,
     }
 }
 
-/// What a knob is off by without references. No description knows its tyres.
+/// What a knob is off by without references. No description knows its tyres, and few the filters inside its servo and its sensors.
 fn word_sigma(knob: &Knob) -> f64 {
     match knob {
-        Knob::Tread(_) => TREAD_SIGMA,
+        Knob::Tread(_) | Knob::SteeringFilter(_) | Knob::AccelerometerLag(_) => TREAD_SIGMA,
         _ => WORD_SIGMA,
     }
 }
 
 /// Knobs as changes of a hypothesis.
-pub fn knob_changes(base: &Hypothesis, knobs: &[Knob], stages: &[Stages]) -> Vec<Change> {
-    let pairs = knobs.iter().zip(stages);
-    pairs
-        .map(|(knob, stages)| {
-            let hypothesis = knob.applied(base, 1.0);
+///
+/// - `values`: where the knobs of `base` stand.
+pub fn knob_changes(base: &Hypothesis, knobs: &[Knob], values: &[f64], stages: &[Stages]) -> Vec<Change> {
+    let triples = knobs.iter().zip(values).zip(stages);
+    triples
+        .map(|((knob, value), stages)| {
+            let step = knob.step(*value);
             Change {
-                hypothesis,
+                hypothesis: knob.applied(base, step),
                 stages: *stages,
-                step: 1.0,
+                step,
             }
         })
         .collect()
@@ -179,12 +190,12 @@ impl Floor {
                     .residuals
                     .extend(pairs.map(|(calibrated, given)| calibrated.unwrap_or_else(|| given.clone())));
             }
-            let changes = knob_changes(&floor.model, &floor.knobs, stages);
+            let changes = knob_changes(&floor.model, &floor.knobs, &floor.values, stages);
             floor.sensitivities = columns(workers, &floor.references, &floor.residuals, &changes)?;
-            floor.fit(workers)?;
             if time == 0 {
-                floor.choose_tread(workers)?;
+                floor.choose_start(workers)?;
             }
+            floor.fit(workers)?;
         }
         Ok(floor)
     }
@@ -219,18 +230,14 @@ impl Floor {
 
     fn fit(&mut self, workers: &dyn Workers) -> Result<(), Cancelled> {
         let count = self.knobs.len();
-        for _ in 0..GAUSS_NEWTON_STEPS {
-            self.noise = NoiseModel::fitted(&self.given.description, &self.references, &self.residuals);
-            let (information, score) = self.information();
-            let mut system = information;
-            let mut right = score;
-            for k in 0..count {
-                system.add(k, k, PRIOR_PRECISION);
-                right[k] -= PRIOR_PRECISION * self.values[k];
-            }
-            let step = system.cholesky().solve(&right);
-            if !self.take(workers, &step)? {
-                break;
+        let mut damping = LEAST_DAMPING;
+        let mut simulations = 0;
+        while simulations < MOST_TRIALS && damping <= MOST_DAMPING {
+            simulations += 1;
+            if self.take(workers, damping)? {
+                damping = (0.1 * damping).max(LEAST_DAMPING);
+            } else {
+                damping *= 5.0;
             }
         }
         self.noise = NoiseModel::fitted(&self.given.description, &self.references, &self.residuals);
@@ -249,50 +256,45 @@ impl Floor {
         Ok(())
     }
 
-    /// Takes as much of a step as makes the references more likely; false when none does.
-    fn take(&mut self, workers: &dyn Workers, step: &[f64]) -> Result<bool, Cancelled> {
-        let energy = |residuals: &[Vec<f64>], values: &[f64], floor: &Floor| {
-            let pairs = floor.references.iter().zip(residuals);
-            let misfit: f64 = pairs
-                .map(|(record, residual)| {
-                    let weighting = floor.noise.weighting(record);
-                    let turned = weighting.turned(residual);
-                    weighting
-                        .weights
-                        .iter()
-                        .zip(&turned)
-                        .map(|(w, r)| w * r * r)
-                        .sum::<f64>()
-                })
-                .sum();
-            misfit + PRIOR_PRECISION * dot(values, values)
-        };
-        let before = energy(&self.residuals, &self.values, self);
-        for share in [1.0, 0.5, 0.2] {
-            let moved = self.values.iter().zip(step).map(|(v, s)| v + share * s);
-            let values: Vec<f64> = moved
-                .zip(&self.knobs)
-                .map(|(value, knob)| knob.possible(value))
-                .collect();
-            let model = realised(&self.given, &self.knobs, &values);
-            let simulated: Option<Vec<Vec<f64>>> =
-                all_residuals(workers, &self.references, &model)?.into_iter().collect();
-            let Some(residuals) = simulated else { continue };
-            if energy(&residuals, &values, self) < before {
-                self.values = values;
-                self.model = model;
-                self.residuals = residuals;
-                return Ok(true);
-            }
+    /// Of residuals of the references under knobs, all noise taken at its word.
+    pub(super) fn surprise(&self, residuals: &[Vec<f64>], values: &[f64]) -> f64 {
+        let stated = NoiseModel::prior(&self.given.description);
+        let pairs = self.references.iter().zip(residuals);
+        let misfit: f64 = pairs.map(|(record, residual)| stated.surprise(record, residual)).sum();
+        misfit + PRIOR_PRECISION * dot(values, values)
+    }
+
+    /// Takes the step of a damping when it makes the references likelier; else false.
+    fn take(&mut self, workers: &dyn Workers, damping: f64) -> Result<bool, Cancelled> {
+        let before = self.surprise(&self.residuals, &self.values);
+        let step = self.step(&self.residuals, &self.values, &[], damping);
+        let moved = self.values.iter().zip(&step).map(|(v, s)| v + s);
+        let values: Vec<f64> = moved
+            .zip(&self.knobs)
+            .map(|(value, knob)| knob.possible(value))
+            .collect();
+        let model = realised(&self.given, &self.knobs, &values);
+        let simulated: Option<Vec<Vec<f64>>> = all_residuals(workers, &self.references, &model)?.into_iter().collect();
+        let Some(residuals) = simulated else { return Ok(false) };
+        let is_likelier = self.surprise(&residuals, &values) < before;
+        if is_likelier {
+            self.values = values;
+            self.model = model;
+            self.residuals = residuals;
         }
-        Ok(false)
+        Ok(is_likelier)
     }
 
     /// S' W S and S' W y of one reference.
-    pub(super) fn moments(&self, reference: usize) -> (Square, Vec<f64>) {
+    fn moments(&self, reference: usize) -> (Square, Vec<f64>) {
         let weighting = self.noise.weighting(&self.references[reference]);
+        self.moments_with(reference, &weighting, &self.residuals[reference])
+    }
+
+    /// The same with other residuals.
+    pub(super) fn moments_with(&self, reference: usize, weighting: &Weighting, residual: &[f64]) -> (Square, Vec<f64>) {
         let turned = |vector: &[f64]| weighting.turned(vector);
-        let residual = turned(&self.residuals[reference]);
+        let residual = turned(residual);
         let columns: Vec<Vec<f64>> = self.sensitivities.iter().map(|knob| turned(&knob[reference])).collect();
         let count = self.knobs.len();
         let mut gram = Square::zero(count);

@@ -165,6 +165,31 @@ impl NoiseModel {
         noise
     }
 
+    /// How unlikely residuals are when every cell may be off by more than this noise: the sum of ln(1 + r^2 / v), each divided by the cells over which an error
+    /// lasts (Cauchy's distribution). A cell that is far off counts little, a channel that is off everywhere counts in full.
+    pub fn surprise(&self, record: &Record, residual: &[f64]) -> f64 {
+        let (places, weights) = (record.places(), self.weights(record));
+        let cells = places.iter().zip(&weights).zip(residual);
+        cells
+            .filter_map(|((place, weight), value)| {
+                let lasts = self.classes[place.quantity?.class()].correlation;
+                Some(libm::log1p(weight * lasts * value * value) / lasts)
+            })
+            .sum()
+    }
+
+    /// Weights with which squares have the slope of [`Self::surprise`].
+    pub fn robust_weighting(&self, record: &Record, residual: &[f64]) -> Weighting {
+        let (places, mut weights) = (record.places(), self.weights(record));
+        for ((place, weight), value) in places.iter().zip(&mut weights).zip(residual) {
+            let lasts = place
+                .quantity
+                .map_or(1.0, |quantity| self.classes[quantity.class()].correlation);
+            *weight /= 1.0 + *weight * lasts * value * value;
+        }
+        Weighting::diagonal(weights)
+    }
+
     /// Weights of a record's residuals in the directions in which they are independent.
     pub fn weighting(&self, record: &Record) -> Weighting {
         let (places, activities) = (record.places(), record.activities());
@@ -216,10 +241,10 @@ fn variance(cells: &mut [(f64, f64)], least: f64) -> (f64, f64) {
     let lively = &cells[half..];
     for group in lively.chunks(lively.len().div_ceil(3).max(1)) {
         let activity2 = group.iter().map(|cell| cell.0 * cell.0).sum::<f64>() / group.len() as f64;
-        top += (mean(group) - level) / activity2.max(1e-30);
-        bottom += 1.0;
+        top += (mean(group) - level) * activity2;
+        bottom += activity2 * activity2;
     }
-    (level, (top / bottom).max(0.0))
+    (level, (top / f64::max(bottom, 1e-60)).max(0.0))
 }
 
 /// Integrated correlation of the whitened residuals of neighbouring cells in a window.

@@ -2,7 +2,7 @@
 
 use super::Floor;
 use super::calibrate::PRIOR_PRECISION;
-use super::metric::dot;
+use super::noise::NoiseModel;
 use crate::hypothesis::{Knob, TreadKnob, realised};
 use crate::linear::Square;
 use crate::screen::all_residuals;
@@ -17,8 +17,20 @@ const CURVES: [[f64; 4]; 6] = [
     [2.0, 2.5, 3.0, 3.0],
     [2.0, 5.0, 2.0, 1.0],
 ];
-/// Energy that another curve must take off, beyond what four further numbers do by chance.
-const LEAST_GAIN: f64 = 30.0;
+/// Delays of commands to begin from, practical sizes.
+const DELAYS: [f64; 6] = [0.0, 0.25, 0.5, 1.0, 2.0, 4.0];
+/// Times that knobs are turned from each curve.
+const TURNS: usize = 2;
+/// Precision of what is not to move.
+const HELD: f64 = 1e12;
+
+/// A calibration of the references.
+#[derive(Debug, Clone)]
+struct Likely {
+    surprise: f64,
+    values: Vec<f64>,
+    residuals: Vec<Vec<f64>>,
+}
 
 impl Floor {
     /// How the references' tyres creep and slide, in words.
@@ -32,50 +44,74 @@ impl Floor {
         ))
     }
 
-    /// Goes to the curve with which the references agree best, all other knobs turned as their slopes say.
-    pub(super) fn choose_tread(&mut self, workers: &dyn Workers) -> Result<(), Cancelled> {
-        let system = self.system();
-        let mut best = (
-            self.energy_turned(&system, &self.residuals, &self.values).0 - LEAST_GAIN,
-            None,
-        );
-        for curve in CURVES {
-            let values = self.with_curve(&self.values, curve);
-            let Some(residuals) = self.simulated(workers, &values)? else {
-                continue;
-            };
-            let (energy, step) = self.energy_turned(&system, &residuals, &values);
-            if energy < best.0 {
-                let turned: Vec<f64> = values.iter().zip(&step).map(|(value, step)| value + step).collect();
-                best = (energy, Some((curve, turned)));
+    /// Goes to the curve with which the references are likeliest, all other knobs turned as their slopes say.
+    ///
+    /// The noise is unknown too, and where the description is far off it hides what is wrong: a channel that is off everywhere is then taken for a poor one and
+    /// hardly counts. So the knobs are turned once with the stated noise and once with what that leaves, and it is the likelihood with the noise of each that decides.
+    pub(super) fn choose_start(&mut self, workers: &dyn Workers) -> Result<(), Cancelled> {
+        let nothing = vec![0.0; self.knobs.len()];
+        let mut best: Option<Likely> = None;
+        let curves = core::iter::once([0.0; 4]).chain(CURVES);
+        for curve in curves {
+            let held: Vec<(usize, f64)> = self.tread().zip(curve).collect();
+            best = likelier(best, self.turned(workers, &nothing, &held)?);
+        }
+        // Delays are held against what they hide: a wheel that is late for ramps looks like a poor sensor, and then does not ask for its delay.
+        let delay = self.knobs.iter().position(Knob::is_delay);
+        if let (Some(found), Some(delay)) = (best.clone(), delay) {
+            let mut held: Vec<(usize, f64)> = self.tread().map(|k| (k, found.values[k])).collect();
+            held.push((delay, 0.0));
+            for value in DELAYS {
+                held.last_mut().map(|last| last.1 = value);
+                best = likelier(best, self.turned(workers, &nothing, &held)?);
             }
         }
-        let Some((curve, turned)) = best.1 else { return Ok(()) };
-        let possible = self
-            .knobs
-            .iter()
-            .zip(turned)
-            .map(|(knob, value)| knob.possible(value))
-            .collect::<Vec<f64>>();
-        let values = self.with_curve(&possible, curve);
-        if let Some(residuals) = self.simulated(workers, &values)? {
-            self.model = realised(&self.given, &self.knobs, &values);
-            (self.values, self.residuals) = (values, residuals);
+        if let Some(best) = best {
+            self.model = realised(&self.given, &self.knobs, &best.values);
+            (self.values, self.residuals) = (best.values, best.residuals);
         }
         Ok(())
     }
 
-    fn with_curve(&self, values: &[f64], curve: [f64; 4]) -> Vec<f64> {
-        let number = |knob: &Knob| match knob {
-            Knob::Tread(own) => TreadKnob::ALL
+    /// Knobs of the tread.
+    fn tread(&self) -> impl Iterator<Item = usize> + '_ {
+        TreadKnob::ALL
+            .into_iter()
+            .filter_map(|own| self.knobs.iter().position(|knob| *knob == Knob::Tread(own)))
+    }
+
+    /// From values, all knobs but those held turned as their slopes say: once with the stated noise, once with what that leaves.
+    fn turned(&self, workers: &dyn Workers, from: &[f64], held: &[(usize, f64)]) -> Result<Option<Likely>, Cancelled> {
+        let hold = |values: &[f64], knobs: &[Knob]| -> Vec<f64> {
+            let mut values: Vec<f64> = values
                 .iter()
-                .zip(curve)
-                .find(|(knob, _)| *knob == own)
-                .map(|(_, value)| value),
-            _ => None,
+                .zip(knobs)
+                .map(|(value, knob)| knob.possible(*value))
+                .collect();
+            held.iter().for_each(|(knob, value)| values[*knob] = *value);
+            values
         };
-        let pairs = self.knobs.iter().zip(values);
-        pairs.map(|(knob, value)| number(knob).unwrap_or(*value)).collect()
+        let mut values = hold(from, &self.knobs);
+        let Some(mut residuals) = self.simulated(workers, &values)? else {
+            return Ok(None);
+        };
+        let mut best = None;
+        for _ in 0..TURNS {
+            let step = self.step(&residuals, &values, held, 0.0);
+            let moved: Vec<f64> = values.iter().zip(&step).map(|(value, step)| value + step).collect();
+            values = hold(&moved, &self.knobs);
+            let Some(simulated) = self.simulated(workers, &values)? else {
+                break;
+            };
+            residuals = simulated;
+            let likely = Likely {
+                surprise: self.surprise(&residuals, &values),
+                values: values.clone(),
+                residuals: residuals.clone(),
+            };
+            best = likelier(best, Some(likely));
+        }
+        Ok(best)
     }
 
     fn simulated(&self, workers: &dyn Workers, values: &[f64]) -> Result<Option<Vec<Vec<f64>>>, Cancelled> {
@@ -83,37 +119,37 @@ impl Floor {
         Ok(all_residuals(workers, &self.references, &model)?.into_iter().collect())
     }
 
-    /// S' W S of all references with the prior; knobs of the tread stay where they are.
-    fn system(&self) -> Square {
+    /// How far the slopes say that the knobs are to be turned, but for those held.
+    ///
+    /// - `damping`: share of the diagonal that is added to it (Marquardt 1963).
+    pub(super) fn step(&self, residuals: &[Vec<f64>], values: &[f64], held: &[(usize, f64)], damping: f64) -> Vec<f64> {
         let count = self.knobs.len();
+        let stated = NoiseModel::prior(&self.given.description);
         let mut system = Square::zero(count);
-        for reference in 0..self.references.len() {
-            let (gram, _) = self.moments(reference);
+        let mut score: Vec<f64> = values.iter().map(|value| -PRIOR_PRECISION * value).collect();
+        for (reference, residual) in residuals.iter().enumerate() {
+            let weighting = stated.robust_weighting(&self.references[reference], residual);
+            let (gram, own) = self.moments_with(reference, &weighting, residual);
             for (sum, more) in system.values.iter_mut().zip(&gram.values) {
                 *sum += more;
             }
-        }
-        for (k, knob) in self.knobs.iter().enumerate() {
-            let held = matches!(knob, Knob::Tread(_));
-            system.add(k, k, if held { 1e12 } else { PRIOR_PRECISION });
-        }
-        system
-    }
-
-    /// Energy of the references and of the prior when all knobs are turned as the slopes say, and the turn.
-    fn energy_turned(&self, system: &Square, residuals: &[Vec<f64>], values: &[f64]) -> (f64, Vec<f64>) {
-        let mut score: Vec<f64> = values.iter().map(|value| -PRIOR_PRECISION * value).collect();
-        let mut energy = PRIOR_PRECISION * dot(values, values);
-        for (reference, residual) in residuals.iter().enumerate() {
-            let weighting = self.noise.weighting(&self.references[reference]);
-            let turned = weighting.turned(residual);
-            let weighted: Vec<f64> = weighting.weights.iter().zip(&turned).map(|(w, r)| w * r).collect();
-            energy += dot(&weighted, &turned);
-            for (sum, knob) in score.iter_mut().zip(&self.sensitivities) {
-                *sum += dot(&weighted, &weighting.turned(&knob[reference]));
+            for (sum, more) in score.iter_mut().zip(&own) {
+                *sum += more;
             }
         }
-        let step = system.cholesky().solve(&score);
-        (energy - dot(&step, &score), step)
+        for k in 0..count {
+            let is_held = held.iter().any(|(knob, _)| *knob == k);
+            system.add(k, k, if is_held { HELD } else { PRIOR_PRECISION });
+            system.add(k, k, damping * system.at(k, k));
+        }
+        system.cholesky().solve(&score)
+    }
+}
+
+/// The less surprising one.
+fn likelier(one: Option<Likely>, other: Option<Likely>) -> Option<Likely> {
+    match (one, other) {
+        (Some(one), Some(other)) => Some(if other.surprise < one.surprise { other } else { one }),
+        (one, other) => one.or(other),
     }
 }

@@ -4,6 +4,7 @@
 //! out from. A knob of an effect that cannot be negative turns the description's own number instead.
 
 use twin::effect::Effect;
+use twin::robot::RobotDescription;
 
 use super::{Candidate, Hypothesis, TreadKnob};
 
@@ -26,6 +27,10 @@ pub enum Knob {
     /// Resistance of the motors, share for a knob at 1.
     Resistance(f64),
     Tread(TreadKnob),
+    /// Filter in front of the steering gear, s for a knob at 1.
+    SteeringFilter(f64),
+    /// Filter of the accelerometer, s for a knob at 1.
+    AccelerometerLag(f64),
 }
 
 /// Effects that are no laboratory's everyday difference, or change nothing when they are small.
@@ -54,9 +59,13 @@ const DOUBLES: [&str; 3] = ["encoder_scale", "lens_distortion", "battery_droop"]
 /// What the supply and the resistance of a knob at 1 change.
 const SUPPLY_SHARE: f64 = 0.02;
 const RESISTANCE_SHARE: f64 = 0.05;
+/// The same of filters, s, and how long they can be, knobs.
+const STEERING_FILTER_S: f64 = 0.02;
+const ACCELEROMETER_LAG_S: f64 = 0.005;
+const LONGEST_FILTER: f64 = 10.0;
 
 /// Knobs of a robot, from its candidates.
-pub fn knobs(candidates: &[Candidate], with_motor: bool) -> Vec<Knob> {
+pub fn knobs(candidates: &[Candidate], robot: &RobotDescription) -> Vec<Knob> {
     let mut all = Vec::new();
     for candidate in candidates {
         let name = candidate.entry.name;
@@ -79,11 +88,15 @@ pub fn knobs(candidates: &[Candidate], with_motor: bool) -> Vec<Knob> {
             });
         }
     }
-    if with_motor {
+    if robot.motor.is_some() {
         all.push(Knob::Supply(SUPPLY_SHARE));
         all.push(Knob::Resistance(RESISTANCE_SHARE));
     }
     all.extend(TreadKnob::ALL.map(Knob::Tread));
+    if robot.steering.is_some() {
+        all.push(Knob::SteeringFilter(STEERING_FILTER_S));
+    }
+    all.push(Knob::AccelerometerLag(ACCELEROMETER_LAG_S));
     all
 }
 
@@ -102,8 +115,22 @@ impl Knob {
                 parameter: own,
                 ..
             } => *name == candidate.entry.name && *index == candidate.index && *own == parameter,
-            Knob::Supply(_) | Knob::Resistance(_) | Knob::Tread(_) => false,
+            _ => false,
         }
+    }
+
+    /// How far the knob is turned for its sensitivity: away from the end of what is possible.
+    pub fn step(&self, value: f64) -> f64 {
+        if self.possible(value + 1.0) < value + 0.5 {
+            -1.0
+        } else {
+            1.0
+        }
+    }
+
+    /// Time from command to action.
+    pub fn is_delay(&self) -> bool {
+        matches!(self, Knob::Parameter { name, .. } if *name == "command_delay")
     }
 
     /// The nearest value that the knob can have.
@@ -125,6 +152,7 @@ impl Knob {
                 ..
             } if !BOTH_WAYS.contains(name) => value.clamp((low - neutral) / practical, (high - neutral) / practical),
             Knob::Tread(knob) => knob.possible(value),
+            Knob::SteeringFilter(_) | Knob::AccelerometerLag(_) => value.clamp(0.0, LONGEST_FILTER),
             _ => value,
         }
     }
@@ -141,6 +169,8 @@ impl Knob {
             Knob::Supply(_) => "supply voltage".to_owned(),
             Knob::Resistance(_) => "motor resistance".to_owned(),
             Knob::Tread(knob) => knob.label().to_owned(),
+            Knob::SteeringFilter(_) => "steering.filter_s".to_owned(),
+            Knob::AccelerometerLag(_) => "accelerometer_lag_s".to_owned(),
         }
     }
 }
@@ -164,6 +194,15 @@ pub fn realised(base: &Hypothesis, knobs: &[Knob], values: &[f64]) -> Hypothesis
                 }
             }
             Knob::Tread(knob) => knob.apply(&mut changed, *value),
+            Knob::SteeringFilter(seconds) => {
+                if let Some(steering) = &mut changed.description.steering {
+                    steering.filter_s = Some((steering.filter_s.unwrap_or(0.0) + seconds * value).max(0.0));
+                }
+            }
+            Knob::AccelerometerLag(seconds) => {
+                let lag = &mut changed.description.accelerometer_lag_s;
+                *lag = Some((lag.unwrap_or(0.0) + seconds * value).max(0.0));
+            }
             Knob::Parameter {
                 name,
                 index,

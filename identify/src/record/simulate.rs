@@ -120,9 +120,31 @@ fn simulate(
     } else {
         chain.before
     };
-    let states = replay_after(robot, &start, before, &chain.earlier, rows).ok()?;
+    let mut states = replay_after(robot, &start, before, &chain.earlier, rows).ok()?;
+    if let Some(lag_s) = robot.description().accelerometer_lag_s.filter(|lag_s| *lag_s > 0.0) {
+        filter_accelerations(&mut states, lag_s);
+    }
     compare(chain, &states, out);
     Some(())
+}
+
+/// As an accelerometer with a low-pass filter of first order shows them.
+fn filter_accelerations(states: &mut [ReplayRow], lag_s: f64) {
+    let Some(first) = states.first() else { return };
+    let mut shown = [first.state.accel_x_m_per_s2, first.state.accel_y_m_per_s2];
+    let mut before_s = first.time_s;
+    for row in states {
+        let share = 1.0 - libm::exp(-(row.time_s - before_s) / lag_s);
+        before_s = row.time_s;
+        let state = &mut row.state;
+        for (shown, felt) in shown
+            .iter_mut()
+            .zip([&mut state.accel_x_m_per_s2, &mut state.accel_y_m_per_s2])
+        {
+            *shown += share * (*felt - *shown);
+            *felt = *shown;
+        }
+    }
 }
 
 fn compare(chain: &Chain, states: &[ReplayRow], out: &mut Vec<f64>) {
@@ -211,6 +233,7 @@ impl Hypothesis {
         description.motor = None;
         if let (Some(steering), true) = (&mut description.steering, steering_is_measured) {
             steering.lag_s = INSTANT_S;
+            steering.filter_s = None;
             steering.rate_limit_rad_per_s = None;
         }
         let kept = |effect: &&Effect| {

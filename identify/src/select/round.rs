@@ -168,7 +168,10 @@ impl Sensitivities {
     /// Until an effect is accepted, what a round refused is fitted again only when much more of it is seen: the floor's model takes in
     /// what it can from round to round, which changes little for the others.
     pub fn refuse(&mut self, stop: &Stop) {
-        let refused = stop.finalists.iter().filter(|finalist| finalist.because.is_some());
+        let refused = stop
+            .finalists
+            .iter()
+            .filter(|finalist| finalist.because.is_some() && !finalist.is_background());
         self.refused
             .extend(refused.map(|finalist| (finalist.position, stop.scores[finalist.position].gain)));
     }

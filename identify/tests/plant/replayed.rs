@@ -4,7 +4,7 @@ use emulator::noise::Noise;
 use identify::channel::Channel;
 use identify::diagnose::Run;
 use twin::pose::Pose;
-use twin::replay::replay;
+use twin::replay::{ReplayRow, replay};
 use twin::robot::{Robot, RobotDescription};
 
 /// What a robot of the twin makes of a run's set-points in place of what was measured, with the described noise.
@@ -18,6 +18,7 @@ pub fn of_the_twin(mut run: Run, description: RobotDescription, seed: u64) -> Ru
         yaw_rad: 0.4,
     };
     let out = replay(&robot, first, &rows).unwrap_or_else(|error| panic!("{error}"));
+    let accelerations = accelerations(&out, robot.description().accelerometer_lag_s.unwrap_or(0.0));
     let sigma = run.bundle.run.robot.noise.clone().unwrap_or_default();
     for (channel, series) in &mut run.bundle.telemetry.channels {
         for (row, value) in series.rows.iter().zip(&mut series.values) {
@@ -26,10 +27,11 @@ pub fn of_the_twin(mut run: Run, description: RobotDescription, seed: u64) -> Ru
                 Channel::WheelSpeed(k) => (state.wheel_rad_per_s[k], sigma.wheel_rad_per_s),
                 Channel::WheelAngle(k) => (state.wheel_rad[k], None),
                 Channel::Current(k) => (state.current_a[k], sigma.current_a),
+                Channel::Steering => (state.steering_rad, sigma.steering_rad),
                 Channel::Bus => (state.bus_v, sigma.bus_v),
                 Channel::Gyro => (state.gyro_z_rad_per_s, sigma.gyro_rad_per_s),
-                Channel::AccelX => (state.accel_x_m_per_s2, sigma.accel_m_per_s2),
-                Channel::AccelY => (state.accel_y_m_per_s2, sigma.accel_m_per_s2),
+                Channel::AccelX => (accelerations[*row as usize][0], sigma.accel_m_per_s2),
+                Channel::AccelY => (accelerations[*row as usize][1], sigma.accel_m_per_s2),
                 Channel::PoseX => (state.pose.x_m, sigma.pose_xy_m),
                 Channel::PoseY => (state.pose.y_m, sigma.pose_xy_m),
                 Channel::PoseYaw => (state.pose.yaw_rad, sigma.pose_yaw_rad),
@@ -42,4 +44,27 @@ pub fn of_the_twin(mut run: Run, description: RobotDescription, seed: u64) -> Ru
         }
     }
     run
+}
+
+/// Through a low-pass filter of first order.
+fn accelerations(rows: &[ReplayRow], lag_s: f64) -> Vec<[f64; 2]> {
+    let mut shown = [0.0; 2];
+    let mut before_s = rows.first().map_or(0.0, |row| row.time_s);
+    let mut all = Vec::with_capacity(rows.len());
+    for row in rows {
+        let share = if lag_s > 0.0 {
+            1.0 - (-(row.time_s - before_s) / lag_s).exp()
+        } else {
+            1.0
+        };
+        before_s = row.time_s;
+        for (shown, felt) in shown
+            .iter_mut()
+            .zip([row.state.accel_x_m_per_s2, row.state.accel_y_m_per_s2])
+        {
+            *shown += share * (felt - *shown);
+        }
+        all.push(shown);
+    }
+    all
 }

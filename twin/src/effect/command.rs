@@ -36,6 +36,9 @@ enum Law {
     Lag {
         share: f64,
     },
+    SteeringFilter {
+        share: f64,
+    },
     /// Ring of the last `length` set-points; the delay in samples, with its fraction.
     Delay {
         samples: f64,
@@ -85,11 +88,19 @@ impl CommandStage {
         Some(CommandStage { law, at })
     }
 
+    /// The steering's own filter, behind all others; `None` without one.
+    pub(crate) fn steering_filter(time_constant_s: f64, at: usize) -> Option<CommandStage> {
+        let law = Law::SteeringFilter {
+            share: 1.0 - libm::exp(-PHYSICS_PERIOD_S / time_constant_s),
+        };
+        (time_constant_s > 0.0).then_some(CommandStage { law, at })
+    }
+
     /// Numbers that the stage remembers.
     pub(crate) fn words(&self) -> usize {
         match &self.law {
             Law::DeadBand { .. } | Law::WheelLimit { .. } | Law::BodyLimit { .. } => 0,
-            Law::Slew { .. } | Law::Lag { .. } | Law::Hold { .. } => COMMAND_WORDS,
+            Law::Slew { .. } | Law::Lag { .. } | Law::SteeringFilter { .. } | Law::Hold { .. } => COMMAND_WORDS,
             Law::Delay { length, .. } => length * COMMAND_WORDS,
         }
     }
@@ -167,6 +178,11 @@ impl CommandStage {
                     *filtered += share * (*speed - *filtered);
                     *speed = *filtered;
                 }
+            }
+            Law::SteeringFilter { share } => {
+                let filtered = &mut memory[MAX_WHEELS];
+                *filtered += share * (command.steering_rad - *filtered);
+                out.steering_rad = *filtered;
             }
             Law::Delay { samples, length } => {
                 let slot = |back: usize| ((step as usize + length - back) % length) * COMMAND_WORDS;

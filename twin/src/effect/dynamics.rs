@@ -94,8 +94,13 @@ enum Law {
 }
 
 impl Dynamics {
-    /// `None` when no effect of the list changes from step to step and there is no residual.
-    pub(crate) fn new(model: &Model, effects: &[Effect], residual: Option<Arc<Residual>>) -> Option<Dynamics> {
+    /// `None` when no effect of the list changes from step to step, the steering has no filter and there is no residual.
+    pub(crate) fn new(
+        model: &Model,
+        effects: &[Effect],
+        steering_filter_s: f64,
+        residual: Option<Arc<Residual>>,
+    ) -> Option<Dynamics> {
         let mut dynamics = Dynamics::default();
         for effect in effects {
             if let Some(stage) = CommandStage::new(effect, dynamics.words) {
@@ -106,6 +111,10 @@ impl Dynamics {
                 dynamics.words += law.words();
                 dynamics.laws.push((law, at));
             }
+        }
+        if let Some(stage) = CommandStage::steering_filter(steering_filter_s, dynamics.words) {
+            dynamics.words += stage.words();
+            dynamics.commands.push(stage);
         }
         if let Some(residual) = residual {
             let at = dynamics.words;

@@ -146,11 +146,13 @@ pub fn reference_robot(chassis: &str) -> RobotDescription {
         }),
         steering: car.then_some(Steering {
             lag_s: 0.08,
+            filter_s: None,
             rate_limit_rad_per_s: Some(6.0),
             angle_limit_rad: Some(0.5),
         }),
         floor_friction: 0.8,
         tread: None,
+        accelerometer_lag_s: None,
         noise: None,
     }
 }

@@ -31,6 +31,7 @@ pub(crate) fn check(robot: &RobotDescription) -> Vec<ParameterError> {
     if let Some(tread) = &robot.tread {
         check_tread(&mut problems, tread);
     }
+    check_given(&mut problems, &[(robot.accelerometer_lag_s, &table::ACCELEROMETER_LAG)]);
     if let Some(noise) = &robot.noise {
         check_noise(&mut problems, noise);
     }
@@ -129,6 +130,7 @@ fn check_motor(problems: &mut Vec<ParameterError>, motor: &Motor) {
 fn check_steering(problems: &mut Vec<ParameterError>, steering: &Steering) {
     let values = [
         (Some(steering.lag_s), &table::STEERING_LAG),
+        (steering.filter_s, &table::STEERING_FILTER),
         (steering.rate_limit_rad_per_s, &table::STEERING_RATE),
         (steering.angle_limit_rad, &table::STEERING_ANGLE),
     ];

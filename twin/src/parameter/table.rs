@@ -5,6 +5,8 @@
 pub enum WhenAbsent {
     /// A description without it is refused.
     Required,
+    /// None: 0.
+    Nothing,
     /// Required but for casters.
     CasterOnly,
     /// No limit.
@@ -329,6 +331,13 @@ pub(super) const STEERING_LAG: Parameter = number("", "steering.lag_s", "s", 0.0
         "time constant of the steering gear",
         "give the time constant of the steering gear, 0 = none",
     );
+pub(super) const STEERING_FILTER: Parameter = number("", "steering.filter_s", "s", 0.0, 10.0)
+    .absent(WhenAbsent::Nothing)
+    .practical(Absolute(0.02))
+    .about(
+        "time constant of a filter in front of the steering gear; equal to lag_s: a servo of second order",
+        "give the time constant of the filter in front of the steering gear, or leave it out",
+    );
 pub(super) const STEERING_RATE: Parameter = number("", "steering.rate_limit_rad_per_s", "rad/s", 1e-3, 1e3)
     .absent(WhenAbsent::Unlimited)
     .reference(6.0, Estimate)
@@ -380,6 +389,13 @@ pub(super) const TREAD_SLIDING: Parameter = number("k", "tread.sliding", "", 0.5
         "friction of fast sliding over the floor's",
         "give sliding over static friction, 1 when unknown",
     );
+pub(super) const ACCELEROMETER_LAG: Parameter = number("", "accelerometer_lag_s", "s", 0.0, 1.0)
+    .absent(WhenAbsent::Nothing)
+    .practical(Absolute(0.005))
+    .about(
+        "time constant of the accelerometer's low-pass filter, through which logs are compared",
+        "give the time constant of the accelerometer's filter, or leave it out",
+    );
 pub(super) const NOISE_POSE_XY: Parameter =
     noise("noise.pose_xy_m", "m", "tracked position, each axis").reference(0.001, Estimate);
 pub(super) const NOISE_POSE_YAW: Parameter =
@@ -423,6 +439,7 @@ pub const TABLE: &[&Parameter] = &[
     &CASCADE_CURRENT_KI,
     &CASCADE_CURRENT_LIMIT,
     &STEERING_LAG,
+    &STEERING_FILTER,
     &STEERING_RATE,
     &STEERING_ANGLE,
     &FLOOR_FRICTION,
@@ -430,6 +447,7 @@ pub const TABLE: &[&Parameter] = &[
     &TREAD_CREEP,
     &TREAD_TAIL,
     &TREAD_SLIDING,
+    &ACCELEROMETER_LAG,
     &NOISE_POSE_XY,
     &NOISE_POSE_YAW,
     &NOISE_WHEEL,

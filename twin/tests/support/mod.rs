@@ -48,6 +48,7 @@ fn description(chassis: &str, wheels: Vec<Wheel>) -> RobotDescription {
         steering: None,
         floor_friction: 0.8,
         tread: None,
+        accelerometer_lag_s: None,
         noise: None,
     }
 }
@@ -94,6 +95,7 @@ pub fn car(chassis: &str) -> RobotDescription {
     let mut car = description(chassis, wheels);
     car.steering = Some(Steering {
         lag_s: 0.08,
+        filter_s: None,
         rate_limit_rad_per_s: Some(6.0),
         angle_limit_rad: Some(0.5),
     });
