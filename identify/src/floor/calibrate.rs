@@ -70,6 +70,8 @@ pub struct Floor {
     pub values: Vec<f64>,
     pub sigmas: Vec<f64>,
     pub noise: NoiseModel,
+    /// What a calibration measures residuals by: the stated noise, or what half of the cells exceeded before it.
+    pub(super) yardstick: NoiseModel,
     /// Variances of the knobs from run to run.
     pub variation: Vec<f64>,
     /// Covariance of what the calibration left, a day's difference included.
@@ -147,6 +149,7 @@ impl Floor {
         }
         Floor {
             noise: NoiseModel::prior(&given.description),
+            yardstick: NoiseModel::prior(&given.description),
             model: given.clone(),
             given,
             values: vec![0.0; knobs.len()],
@@ -192,6 +195,7 @@ impl Floor {
             }
             let changes = knob_changes(&floor.model, &floor.knobs, &floor.values, stages);
             floor.sensitivities = columns(workers, &floor.references, &floor.residuals, &changes)?;
+            floor.yardstick = NoiseModel::prior(&floor.given.description).at_least(&floor.references, &floor.residuals);
             if time == 0 {
                 floor.choose_start(workers)?;
             }
@@ -256,11 +260,12 @@ impl Floor {
         Ok(())
     }
 
-    /// Of residuals of the references under knobs, all noise taken at its word.
+    /// Of residuals of the references under knobs, by the yardstick.
     pub(super) fn surprise(&self, residuals: &[Vec<f64>], values: &[f64]) -> f64 {
-        let stated = NoiseModel::prior(&self.given.description);
         let pairs = self.references.iter().zip(residuals);
-        let misfit: f64 = pairs.map(|(record, residual)| stated.surprise(record, residual)).sum();
+        let misfit: f64 = pairs
+            .map(|(record, residual)| self.yardstick.surprise(record, residual))
+            .sum();
         misfit + PRIOR_PRECISION * dot(values, values)
     }
 

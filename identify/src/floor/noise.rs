@@ -72,6 +72,8 @@ const SAMPLES_A_CELL: f64 = 5.0;
 const DEFAULT_NOISE: [f64; CLASSES] = [0.05, 0.002, 0.03, 0.05, 0.006, 0.06, 0.001, 0.003];
 /// Longest correlation that is looked for, cells.
 const MOST_LAGS: usize = 12;
+/// Median of the square of a normal number of variance 1.
+const MEDIAN_SQUARE: f64 = 0.455;
 /// Squared residuals count up to this many times the median.
 const WINSOR: f64 = 40.0;
 
@@ -163,6 +165,29 @@ impl NoiseModel {
         noise.modes = Modes::all(&noise.classes, &sensor, records, residuals);
         noise.is_prior = false;
         noise
+    }
+
+    /// Louder where half of the cells of a class are off by more than this noise has it: laws of a real robot are further from a twin's than sensors are from the truth.
+    pub fn at_least(mut self, records: &[Record], residuals: &[Vec<f64>]) -> NoiseModel {
+        let mut squares: [Vec<f64>; CLASSES] = Default::default();
+        for (record, residual) in records.iter().zip(residuals) {
+            let (places, weights) = (record.places(), self.weights(record));
+            for ((place, weight), value) in places.iter().zip(weights).zip(residual) {
+                if let Some(quantity) = place.quantity {
+                    let class = quantity.class();
+                    squares[class].push(weight * self.classes[class].correlation * value * value);
+                }
+            }
+        }
+        for (class, squares) in self.classes.iter_mut().zip(&mut squares) {
+            squares.sort_by(f64::total_cmp);
+            let median = squares.get(squares.len() / 2).copied().unwrap_or(0.0);
+            let louder = (median / MEDIAN_SQUARE).max(1.0);
+            class.level *= louder;
+            class.slope *= louder;
+            class.beyond *= louder;
+        }
+        self
     }
 
     /// How unlikely residuals are when every cell may be off by more than this noise: the sum of ln(1 + r^2 / v), each divided by the cells over which an error

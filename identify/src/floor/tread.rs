@@ -2,7 +2,6 @@
 
 use super::Floor;
 use super::calibrate::PRIOR_PRECISION;
-use super::noise::NoiseModel;
 use crate::hypothesis::{Knob, TreadKnob, realised};
 use crate::linear::Square;
 use crate::screen::all_residuals;
@@ -124,11 +123,10 @@ impl Floor {
     /// - `damping`: share of the diagonal that is added to it (Marquardt 1963).
     pub(super) fn step(&self, residuals: &[Vec<f64>], values: &[f64], held: &[(usize, f64)], damping: f64) -> Vec<f64> {
         let count = self.knobs.len();
-        let stated = NoiseModel::prior(&self.given.description);
         let mut system = Square::zero(count);
         let mut score: Vec<f64> = values.iter().map(|value| -PRIOR_PRECISION * value).collect();
         for (reference, residual) in residuals.iter().enumerate() {
-            let weighting = stated.robust_weighting(&self.references[reference], residual);
+            let weighting = self.yardstick.robust_weighting(&self.references[reference], residual);
             let (gram, own) = self.moments_with(reference, &weighting, residual);
             for (sum, more) in system.values.iter_mut().zip(&gram.values) {
                 *sum += more;
