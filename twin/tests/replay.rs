@@ -65,7 +65,7 @@ fn a_filter_as_slow_as_the_steering_makes_it_critically_damped() {
     };
     for at in &out[12..] {
         let q = 25.0 * (at.time_s - 0.1);
-        let exact = 0.3 * (1.0 - (1.0 + q) * (-q).exp());
+        let exact = 0.3 * (1.0 - (1.0 + q) * libm::exp(-q));
         assert!(
             (at.state.steering_rad - exact).abs() < 0.003,
             "{} s: {} {exact}",

@@ -4,7 +4,7 @@ mod calibrate;
 mod metric;
 mod modes;
 mod noise;
-mod tread;
+mod start;
 
 pub use calibrate::{Floor, knob_changes};
 pub use metric::{Metric, dot};

@@ -330,6 +330,83 @@ pub(super) fn correlation_of(series: &[Vec<f64>]) -> Option<f64> {
 mod tests {
     use super::*;
 
+    /// Cells of a gyro, not moving.
+    fn still(cells: usize) -> Record {
+        use crate::record::{Cell, Chain, Quantity, Window};
+        let cell = |k: usize| Cell {
+            quantity: Quantity::Gyro,
+            time_s: 0.05 * k as f64,
+            measured: 0.0,
+            activity: 0.0,
+            samples: (0, 0),
+        };
+        let window = Window {
+            start_s: 0.0,
+            from_s: 0.0,
+            to_s: 15.0,
+            elapsed_s: 0.0,
+            start: twin::free::Start::default(),
+            drive: Chain {
+                cells: (0..cells).map(cell).collect(),
+                ..Chain::default()
+            },
+            rolling: None,
+            wheel_angle_rad: Vec::new(),
+            load: Vec::new(),
+        };
+        Record {
+            name: "still".to_owned(),
+            windows: vec![window],
+            input: None,
+            supply_ratio: 1.0,
+            largest_command_rad_per_s: 0.0,
+            outliers: 0,
+            skipped: 0,
+        }
+    }
+
+    /// Slope of the surprise by one cell's residual is twice its robust weight times the residual, however far off the cell is.
+    #[test]
+    fn robust_weights_are_the_slopes_of_the_surprise() {
+        let noise = NoiseModel::prior(&twin::golden::reference_robot("diff2"));
+        let record = still(3);
+        let residual = [0.001, -0.02, 0.7];
+        let weights = noise.robust_weighting(&record, &residual).weights;
+        for k in 0..3 {
+            let at = |change: f64| {
+                let mut moved = residual;
+                moved[k] += change;
+                noise.surprise(&record, &moved)
+            };
+            let step = 1e-6;
+            let slope = (at(step) - at(-step)) / (2.0 * step);
+            assert!(
+                (slope / (2.0 * weights[k] * residual[k]) - 1.0).abs() < 1e-4,
+                "{k}: {slope}"
+            );
+        }
+        assert!(weights[2] < 1e-3 * weights[0], "a wild cell counts little");
+    }
+
+    /// Half of the cells decide how loud a class is taken to be: a few wild ones do not, and nothing is quieter than stated.
+    #[test]
+    fn a_yardstick_is_what_half_of_the_cells_exceed() {
+        let stated = NoiseModel::prior(&twin::golden::reference_robot("diff2"));
+        let level = |residual: Vec<f64>| {
+            let record = still(residual.len());
+            let class = stated.clone().at_least(&[record], &[residual]).classes[4];
+            class.level / stated.classes[4].level
+        };
+        let sigma = stated.classes[4].level.sqrt();
+        let mut random = crate::random::Random::new(3, 1);
+        let mut normal = |scale: f64| -> Vec<f64> { (0..2000).map(|_| scale * sigma * random.normal()).collect() };
+        assert!((level(normal(10.0)) / 100.0 - 1.0).abs() < 0.15);
+        assert!((level(normal(0.1)) - 1.0).abs() < 1e-12);
+        let mut few = normal(0.9);
+        few.iter_mut().step_by(20).for_each(|value| *value *= 1000.0);
+        assert!(level(few) < 1.1);
+    }
+
     /// Where references reach, their slope counts; beyond, at least the stated one, and the variance has no step.
     #[test]
     fn what_references_did_not_see_is_not_taken_for_exact() {

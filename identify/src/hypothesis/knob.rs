@@ -271,3 +271,33 @@ fn add(effects: &mut Vec<Effect>, name: &str, index: Option<usize>, parameter: &
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// At the end of what is possible a turn outwards changes nothing, and would be taken for no sensitivity.
+    #[test]
+    fn knobs_are_turned_away_from_their_ends() {
+        let tail = Knob::Tread(TreadKnob::Tail);
+        assert_eq!((tail.step(0.0), tail.step(2.0), tail.step(4.0)), (1.0, 1.0, -1.0));
+        let lag = Knob::AccelerometerLag(ACCELEROMETER_LAG_S);
+        assert_eq!((lag.step(0.0), lag.step(LONGEST_FILTER)), (1.0, -1.0));
+    }
+
+    #[test]
+    fn filters_are_turned_in_the_description() {
+        let robot = twin::golden::reference_robot("rwd");
+        let nominal = Hypothesis::nominal(&robot);
+        let knobs = [Knob::SteeringFilter(0.02), Knob::AccelerometerLag(0.005)];
+        let turned = realised(&nominal, &knobs, &[1.5, 2.0]).description;
+        let filter_s = turned.steering.and_then(|steering| steering.filter_s);
+        assert!(filter_s.is_some_and(|filter_s| (filter_s - 0.03).abs() < 1e-12));
+        assert!(
+            turned
+                .accelerometer_lag_s
+                .is_some_and(|lag_s| (lag_s - 0.01).abs() < 1e-12)
+        );
+        assert_eq!(realised(&nominal, &knobs, &[0.0, 0.0]), nominal);
+    }
+}

@@ -53,7 +53,7 @@ fn accelerations(rows: &[ReplayRow], lag_s: f64) -> Vec<[f64; 2]> {
     let mut all = Vec::with_capacity(rows.len());
     for row in rows {
         let share = if lag_s > 0.0 {
-            1.0 - (-(row.time_s - before_s) / lag_s).exp()
+            1.0 - libm::exp(-(row.time_s - before_s) / lag_s)
         } else {
             1.0
         };

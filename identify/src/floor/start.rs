@@ -1,4 +1,4 @@
-//! The tyres' curve of references: where it is far from the nominal contact, slopes there do not lead to it.
+//! Where a calibration begins: on which curve of the tyres and with which delay. Where these are far from the described ones, slopes there do not lead to them.
 
 use super::Floor;
 use super::calibrate::PRIOR_PRECISION;
@@ -43,10 +43,7 @@ impl Floor {
         ))
     }
 
-    /// Goes to the curve with which the references are likeliest, all other knobs turned as their slopes say.
-    ///
-    /// The noise is unknown too, and where the description is far off it hides what is wrong: a channel that is off everywhere is then taken for a poor one and
-    /// hardly counts. So the knobs are turned once with the stated noise and once with what that leaves, and it is the likelihood with the noise of each that decides.
+    /// Goes to the curve, and then to the delay, with which the references surprise least, all other knobs turned as their slopes say.
     pub(super) fn choose_start(&mut self, workers: &dyn Workers) -> Result<(), Cancelled> {
         let nothing = vec![0.0; self.knobs.len()];
         let mut best: Option<Likely> = None;
@@ -58,10 +55,9 @@ impl Floor {
         // Delays are held against what they hide: a wheel that is late for ramps looks like a poor sensor, and then does not ask for its delay.
         let delay = self.knobs.iter().position(Knob::is_delay);
         if let (Some(found), Some(delay)) = (best.clone(), delay) {
-            let mut held: Vec<(usize, f64)> = self.tread().map(|k| (k, found.values[k])).collect();
-            held.push((delay, 0.0));
+            let curve: Vec<(usize, f64)> = self.tread().map(|k| (k, found.values[k])).collect();
             for value in DELAYS {
-                held.last_mut().map(|last| last.1 = value);
+                let held = [&curve[..], &[(delay, value)]].concat();
                 best = likelier(best, self.turned(workers, &nothing, &held)?);
             }
         }
@@ -79,7 +75,7 @@ impl Floor {
             .filter_map(|own| self.knobs.iter().position(|knob| *knob == Knob::Tread(own)))
     }
 
-    /// From values, all knobs but those held turned as their slopes say: once with the stated noise, once with what that leaves.
+    /// From values, all knobs but those held turned as their slopes say.
     fn turned(&self, workers: &dyn Workers, from: &[f64], held: &[(usize, f64)]) -> Result<Option<Likely>, Cancelled> {
         let hold = |values: &[f64], knobs: &[Knob]| -> Vec<f64> {
             let mut values: Vec<f64> = values
