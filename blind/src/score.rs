@@ -176,6 +176,14 @@ impl Scorer<'_> {
                 "locked_worse",
                 report.gap.iter().any(|gap| gap.after > WORSE * gap.before),
             );
+            // A table has two dozen rows of a few windows each: some are worse by chance.
+            self.check(
+                "locked_worse_surely",
+                report
+                    .gap
+                    .iter()
+                    .any(|gap| gap.after > WORSE * gap.before && gap.before < gap.low),
+            );
         }
     }
 }

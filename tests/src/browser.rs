@@ -11,6 +11,10 @@ use std::time::{Duration, Instant};
 use thirtyfour::{ChromiumLikeCapabilities, DesiredCapabilities, Key, WebDriver};
 
 const DRIVER_LIMIT: Duration = Duration::from_secs(20);
+/// Within this a widget is there and has stopped moving.
+const STANDING_LIMIT: Duration = Duration::from_secs(20);
+/// A page draws several times a second even when nothing happens; one that has not for so long is not waited for.
+const IDLE_LIMIT: Duration = Duration::from_secs(3);
 
 pub struct Browser {
     driver: Child,
@@ -106,8 +110,9 @@ impl Browser {
     pub async fn click(&self, widget: &str) -> anyhow::Result<()> {
         let (x, y) = self.middle(widget).await?;
         // Two steps: egui wants to see the pointer over a widget before it is pressed.
+        let before = frame(&self.inspect().await?);
         self.page.action_chain().move_to(x, y).perform().await?;
-        tokio::time::sleep(Duration::from_millis(100)).await;
+        let _ = self.next_frames(before, 2).await?;
         self.page.action_chain().click().perform().await?;
         Ok(())
     }
@@ -182,11 +187,25 @@ impl Browser {
         Ok(())
     }
 
+    /// Where the middle of a widget is, once it stands still: lists that open find their place within a few frames.
     async fn middle(&self, widget: &str) -> anyhow::Result<(i64, i64)> {
         let present = |seen: &Value| seen["widgets"][widget].is_object();
-        let seen = self
-            .wait(&format!("the widget {widget}"), Duration::from_secs(20), present)
+        let start = Instant::now();
+        let mut seen = self
+            .wait(&format!("the widget {widget}"), STANDING_LIMIT, present)
             .await?;
+        loop {
+            let later = self.next_frames(frame(&seen), 2).await?;
+            let stands = present(&later) && later["widgets"][widget] == seen["widgets"][widget];
+            seen = later;
+            if stands {
+                break;
+            }
+            ensure!(
+                start.elapsed() < STANDING_LIMIT,
+                "the widget {widget} does not stand still"
+            );
+        }
         let place = &seen["widgets"][widget];
         let at = |key: &str| {
             place[key]
@@ -194,6 +213,18 @@ impl Browser {
                 .with_context(|| format!("widget {widget} has no {key}"))
         };
         Ok(((at("x")? + at("w")? / 2.0) as i64, (at("y")? + at("h")? / 2.0) as i64))
+    }
+
+    /// What the page says when it has drawn `count` frames more than `drawn`.
+    async fn next_frames(&self, drawn: u64, count: u64) -> anyhow::Result<Value> {
+        let start = Instant::now();
+        loop {
+            tokio::time::sleep(Duration::from_millis(50)).await;
+            let seen = self.inspect().await?;
+            if frame(&seen) >= drawn + count || start.elapsed() > IDLE_LIMIT {
+                return Ok(seen);
+            }
+        }
     }
 
     /// Saves what the window shows; an image that is one colour is refused.
@@ -225,6 +256,10 @@ impl Drop for Browser {
         kill_all_with(&self.profile.display().to_string());
         let _ = std::fs::remove_dir_all(&self.profile);
     }
+}
+
+fn frame(seen: &Value) -> u64 {
+    seen["frame"].as_u64().unwrap_or_default()
 }
 
 /// SIGKILL to every process that has `argument` somewhere in its command line.

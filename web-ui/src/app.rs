@@ -109,6 +109,7 @@ impl eframe::App for App {
             page: self.state.page.name(),
             widgets: output.widgets,
             state: inspect::summary(&self.state),
+            ..inspect::Inspection::default()
         });
     }
 

@@ -20,6 +20,8 @@ pub struct Place {
 
 #[derive(Debug, Default, Serialize)]
 pub struct Inspection {
+    /// Frames drawn until this one.
+    pub frame: u64,
     pub page: &'static str,
     pub widgets: BTreeMap<String, Place>,
     pub state: Summary,
@@ -313,8 +315,13 @@ thread_local! {
     static NEWEST: RefCell<Inspection> = RefCell::default();
 }
 
-pub fn publish(inspection: Inspection) {
-    NEWEST.with(|newest| *newest.borrow_mut() = inspection);
+/// Counts the frame and keeps what it showed.
+pub fn publish(mut inspection: Inspection) {
+    NEWEST.with(|newest| {
+        let mut newest = newest.borrow_mut();
+        inspection.frame = newest.frame + 1;
+        *newest = inspection;
+    });
 }
 
 /// JSON of the newest frame.

@@ -5,8 +5,8 @@
 //! `worker` carry effects out in the browser; natively the crate compiles without them, for tests.
 //!
 //! # Test hook
-//! `window.__robopheus.inspect()` returns `{page, widgets, state}` of the newest frame; `widgets` maps a name to
-//! `{x, y, w, h, enabled}` in CSS pixels. Only what is on the screen now is listed. Names:
+//! `window.__robopheus.inspect()` returns `{frame, page, widgets, state}` of the newest frame; `frame` counts them, `widgets`
+//! maps a name to `{x, y, w, h, enabled}` in CSS pixels. Only what is on the screen now is listed. Names:
 //!
 //! * everywhere: `nav.compose`, `nav.queue`, `nav.live`, `nav.run`, `nav.robots`, `nav.gap`, `nav.models`, `nav.theme`, `toast.<n>.close`
 //! * Compose: `compose.template.rectangle-omni4`, `compose.template.rectangle-diff2`, `compose.template.swap-corners`, `compose.template.own-controller`,

@@ -114,6 +114,13 @@ pub(super) const ROWS: &[Row] = &[
         "0",
         Limit,
     ),
+    row(
+        "locked_worse_surely",
+        "and what it was before is outside the 95 % interval of what it is now",
+        "",
+        "",
+        Limit,
+    ),
     row("both_named", "two effects: both named", "60 %", "80 %", Rate),
     row("one_named", "two effects: at least one", "90 %", "98 %", Rate),
     row(

@@ -4,6 +4,7 @@ use serde_json::{Value, json};
 use twin::effect::library::LIBRARY;
 use twin::model_document::ModelDocument;
 
+use super::energy::Energies;
 use super::gap_table::gap_table;
 use super::louder::{louder, share_left};
 use super::{Case, DiagnoseError, Diagnosis, LIBRARY_VERSION, Taken};
@@ -97,7 +98,8 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
 
 fn verdict(case: &Case) -> Verdict {
     let levels = &case.levels;
-    let real = case.energy_before > case.energy_limit || louder(&levels.before).is_some();
+    let Energies { all, quiet } = &case.energies;
+    let real = all.before > all.limit || louder(&levels.before).is_some();
     let naming: Vec<&Taken> = case.taken.iter().filter(|taken| !taken.tiny).collect();
     if naming.is_empty() {
         return if real {
@@ -106,11 +108,12 @@ fn verdict(case: &Case) -> Verdict {
             Verdict::NoDiscrepancy
         };
     }
-    let excess = (case.energy_before - case.energy_floor).max(1e-9);
-    let left = (case.energy_after - case.energy_floor) / excess;
-    let remains = case.energy_after > case.energy_limit && left > REST;
-    let is_far = case.energy_after > FAR * case.energy_limit;
-    if remains && (left > NEXT_TO_NOTHING || is_far && left > HALF) {
+    let left = all.left();
+    let remains = all.after > all.limit && left > REST;
+    let is_far = all.after > FAR * all.limit;
+    // A few loud windows are a disagreement of their own, and no reason to disbelieve a name after which the others are like the references.
+    let is_everywhere = quiet.after > quiet.limit;
+    if remains && is_everywhere && (left > NEXT_TO_NOTHING || is_far && left > HALF) {
         return Verdict::Unexplained;
     }
     let remains = remains

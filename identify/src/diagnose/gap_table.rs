@@ -45,10 +45,11 @@ pub(super) fn gap_table(case: &Case, after: &Hypothesis) -> (Vec<Gap>, Option<f6
             continue;
         };
         let (class, horizon) = *key;
-        let references = floor_errors.iter().find(|(other, _)| other == key);
-        let floor_rms = match references {
-            Some((_, references)) => floor_of(references, samples, class),
-            None => stated(floor, class),
+        let references = comparable(&floor_errors, class, horizon);
+        let floor_rms = if references.is_empty() {
+            stated(floor, class)
+        } else {
+            floor_of(&references, samples, class)
         };
         let squares_after: Vec<f64> = samples_after.iter().map(|sample| sample.square).collect();
         let (before, now) = (rms(samples), rms(samples_after));
@@ -76,16 +77,26 @@ pub(super) fn gap_table(case: &Case, after: &Hypothesis) -> (Vec<Gap>, Option<f6
     (gaps, (weight_sum > 0.0).then(|| rounded(weighted / weight_sum)))
 }
 
+/// Errors that a channel's floor at a horizon is estimated from. On board all parts of the windows together, few as they are: such a channel
+/// is compared over a span, its error does not grow from part to part.
+fn comparable(errors: &Errors, class: usize, horizon: usize) -> Vec<Sample> {
+    let alike = errors
+        .iter()
+        .filter(|(key, _)| key.0 == class && (class < POSE || key.1 == horizon));
+    alike.flat_map(|(_, samples)| samples.iter().copied()).collect()
+}
+
 /// What the references' errors are where it is as lively as in the locked runs.
 fn floor_of(references: &[Sample], locked: &[Sample], class: usize) -> f64 {
     let mean = |samples: &[Sample], value: &dyn Fn(&Sample) -> f64| {
         samples.iter().map(value).sum::<f64>() / samples.len().max(1) as f64
     };
-    let own = mean(references, &|sample| sample.square);
-    let expected = |samples: &[Sample]| mean(samples, &|sample| sample.expected);
     if class < POSE {
-        return (own * expected(locked) / expected(references).max(1e-300)).sqrt();
+        // Every window alike: were it a ratio of sums, a few lively windows that the floor expects too much of would speak for all.
+        let share = mean(references, &|sample| sample.square / sample.expected.max(1e-300));
+        return (share * mean(locked, &|sample| sample.expected)).sqrt();
     }
+    let own = mean(references, &|sample| sample.square);
     let mut cells: Vec<(f64, f64)> = references.iter().map(|s| (s.expected.sqrt(), s.square)).collect();
     let noise = ClassNoise::fitted(&mut cells, 1e-12, 0.0);
     let model = |samples: &[Sample]| mean(samples, &|sample| noise.at(sample.expected.sqrt()));
@@ -149,6 +160,33 @@ mod tests {
         let livelier = floor_of(&references, &[sample(0.0, 4.0), sample(9.0, 4.0)], 0);
         assert!((alike - 3.0_f64.sqrt()).abs() < 1e-12);
         assert!((livelier / alike - 2.0).abs() < 1e-12);
+    }
+
+    /// Of a lively window the floor expected sixteen times too much.
+    #[test]
+    fn a_lively_window_does_not_speak_for_the_quiet_ones() {
+        let references = [&[sample(1.0, 1.0); 9][..], &[sample(100.0, 1600.0)]].concat();
+        let quiet = floor_of(&references, &[sample(0.0, 1.0)], 0);
+        assert!((quiet - 1.0).abs() < 0.1, "{quiet}");
+    }
+
+    #[test]
+    fn channels_on_board_share_their_parts_and_poses_do_not() {
+        let errors: Errors = vec![
+            ((0, 0), vec![sample(1.0, 1.0)]),
+            ((0, 1), vec![sample(2.0, 1.0)]),
+            ((1, 1), vec![sample(3.0, 1.0)]),
+            ((POSE, 0), vec![sample(4.0, 1.0)]),
+            ((POSE, 1), vec![sample(5.0, 1.0)]),
+        ];
+        let squares = |class, horizon| -> Vec<f64> {
+            let samples = comparable(&errors, class, horizon);
+            samples.iter().map(|sample| sample.square).collect()
+        };
+        assert_eq!(squares(0, 1), [1.0, 2.0]);
+        assert_eq!(squares(1, 0), [3.0]);
+        assert_eq!(squares(POSE, 1), [5.0]);
+        assert!(squares(2, 0).is_empty());
     }
 
     /// Poses that err by 1 mm + 1 mm per rad/s of harshness: locked runs at twice the unit of harshness are allowed as much as references as harsh were off.

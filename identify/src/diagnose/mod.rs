@@ -2,6 +2,7 @@
 
 mod assemble;
 mod calibrate;
+mod energy;
 mod exchange;
 mod excited;
 mod gap_table;
@@ -24,6 +25,7 @@ use crate::report::Report;
 use crate::screen::{Score, all_residuals};
 use crate::select::{Finalist, Role, Round, Sensitivities, Stop, roles, round, slack_of};
 use crate::workers::{Cancelled, Workers};
+use energy::Energies;
 use louder::Compared;
 use prepared::{Prepared, prepare};
 
@@ -126,11 +128,7 @@ struct Case<'a> {
     first_threshold: f64,
     last: Option<Stop>,
     located: Located,
-    /// Whitened energy per residual of the runs before and after, and of the references with their scatter.
-    energy_before: f64,
-    energy_after: f64,
-    energy_floor: f64,
-    energy_limit: f64,
+    energies: Energies,
     levels: Levels,
     remarks: Vec<String>,
 }
@@ -198,10 +196,7 @@ pub fn diagnose(workers: &dyn Workers, input: &Input) -> Result<Diagnosis, Diagn
         first_threshold: 0.0,
         last: None,
         located: Located::default(),
-        energy_before: 0.0,
-        energy_after: 0.0,
-        energy_floor: 1.0,
-        energy_limit: 1.0,
+        energies: Energies::NOTHING,
         levels: Levels::default(),
         remarks,
     };
@@ -406,9 +401,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
         coarse = train.thinned(&case.floor);
         kept.outdate();
     }
-    let mut after = run_energies(&train.metric, &train.residuals);
-    after.extend(run_energies(&validation.metric, &validation.residuals));
-    case.energy_after = after.iter().sum::<f64>() / after.len().max(1) as f64;
+    case.energies.name(&train, &validation);
     case.levels.after = compared(&case.floor, reference_metric.as_ref(), &train, &validation);
     finish(workers, case, stages, members)
 }
@@ -547,16 +540,6 @@ fn absorb(floor: &mut Floor, metric: &Metric, finalist: &Finalist, runs: usize) 
     true
 }
 
-/// Mean over runs of the whitened energy per residual, everyday differences taken out.
-fn run_energies(metric: &Metric, residuals: &[Vec<f64>]) -> Vec<f64> {
-    (0..residuals.len())
-        .map(|run| {
-            let energy = metric.gram_of_run(run, &[&residuals[run]]).at(0, 0);
-            energy / metric.expected(run).max(1.0)
-        })
-        .collect()
-}
-
 /// Levels of the references, and of training and validation runs.
 fn compared(floor: &Floor, reference_metric: Option<&Metric>, train: &Prepared, validation: &Prepared) -> Compared {
     let of = |side: &Prepared| louder::levels(&side.metric, &side.records, &side.residuals);
@@ -568,28 +551,8 @@ fn compared(floor: &Floor, reference_metric: Option<&Metric>, train: &Prepared, 
     Compared { references, runs }
 }
 
-/// Energy of the runs before anything is named, of the references, and the limit that chance keeps below.
+/// Energies and levels of the runs before anything is named.
 fn levels(case: &mut Case, reference_metric: Option<&Metric>, train: &Prepared, validation: &Prepared) {
-    let mut runs = run_energies(&train.metric, &train.residuals);
-    runs.extend(run_energies(&validation.metric, &validation.residuals));
-    case.energy_before = runs.iter().sum::<f64>() / runs.len().max(1) as f64;
+    case.energies = Energies::before(&case.floor, reference_metric, train, validation);
     case.levels.before = compared(&case.floor, reference_metric, train, validation);
-    match reference_metric {
-        Some(metric) => {
-            let floor = &case.floor;
-            let energies = run_energies(metric, &floor.left_out);
-            let n = energies.len() as f64;
-            let mean = energies.iter().sum::<f64>() / n;
-            let variance = energies.iter().map(|e| (e - mean) * (e - mean)).sum::<f64>() / (n - 1.0).max(1.0);
-            // Few references do not show their whole scatter: at least a quarter of the mean.
-            let sigma = variance.sqrt().max(0.25 * mean);
-            case.energy_floor = mean;
-            // Energy as small as the noise itself is no gap, however quiet the references were.
-            case.energy_limit = (mean + 3.0 * sigma * case.floor.inflation().sqrt()).max(1.5);
-        }
-        None => {
-            case.energy_floor = 1.0;
-            case.energy_limit = 4.0;
-        }
-    }
 }

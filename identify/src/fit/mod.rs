@@ -3,7 +3,7 @@
 mod search;
 mod slopes;
 
-use self::search::{Search, TICKS, is_shift, pattern, steps_of_search};
+use self::search::{Search, TICKS, come_nearer, is_shift, pattern, steps_of_search};
 use self::slopes::{correct, jacobian, made, moved, regularised, scale, told};
 use crate::floor::Metric;
 use crate::hypothesis::{Axis, Candidate, Hypothesis};
@@ -131,7 +131,9 @@ pub fn fit(problem: &Problem, start: Vec<Member>) -> Option<Fit> {
     let base_energy = search.energy(problem.residuals);
     let mut now = search.simulate(&members)?;
     let mut energy = search.energy(&now);
-    if raise_limits(&mut search, &mut members, &mut now, base_energy) {
+    if raise_limits(&mut search, &mut members, &mut now, base_energy)
+        || come_nearer(&mut search, &mut members, &mut now, base_energy)
+    {
         energy = search.energy(&now);
     }
     let mut damping = 1e-2;

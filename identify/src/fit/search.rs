@@ -14,6 +14,8 @@ pub(super) const NEAR: [f64; 1] = [0.25];
 /// The same in control ticks for what shifts time.
 pub(super) const TICKS: [f64; 2] = [1.0, 0.5];
 pub(super) const TICK_S: f64 = 1.0 / twin::CONTROL_RATE_HZ as f64;
+/// Most times that the sizes of a start are halved.
+const MOST_HALVINGS: usize = 4;
 /// Share of the time that runs must have been beside a patch.
 const BESIDE: f64 = 0.03;
 
@@ -40,6 +42,41 @@ pub(super) fn steps_of_search(rough: bool, limited: bool, ticks: &[f64], searche
     let ticks = if searches == 0 { ticks } else { &[] };
     let seconds = ticks.iter().map(|ticks| Steps::Seconds(ticks * TICK_S));
     seconds.chain(sizes.iter().map(|size| Steps::Sizes(*size))).collect()
+}
+
+/// Sizes of a single member halved until they no longer make everything worse: where a law is no straight line a start by slopes may lie beyond
+/// everything that its own slopes lead out of. True when there was need.
+pub(super) fn come_nearer(
+    search: &mut Search,
+    members: &mut [Member],
+    now: &mut Vec<Vec<f64>>,
+    base_energy: f64,
+) -> bool {
+    let mut came = false;
+    for _ in 0..MOST_HALVINGS {
+        let [member] = members else { return false };
+        if search.energy(now) <= base_energy {
+            break;
+        }
+        let mut trial = member.clone();
+        halve(&trial.candidate.axes, &mut trial.values);
+        let Some(residuals) = search.simulate(core::slice::from_ref(&trial)) else {
+            break;
+        };
+        *member = trial;
+        *now = residuals;
+        came = true;
+    }
+    came
+}
+
+/// Half way to where the effect is none.
+pub(super) fn halve(axes: &[Axis], values: &mut [f64]) {
+    for (axis, value) in axes.iter().zip(values) {
+        if axis.carries_size && axis.neutral.is_finite() && value.is_finite() {
+            *value = axis.neutral + 0.5 * (*value - axis.neutral);
+        }
+    }
 }
 
 /// Shifts time.

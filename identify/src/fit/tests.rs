@@ -1,4 +1,4 @@
-use super::search::{NEAR, Steps, TICK_S, covers};
+use super::search::{NEAR, Steps, TICK_S, covers, halve};
 use super::*;
 
 fn outlook(iteration: usize, gain: f64, promised: f64) -> Outlook {
@@ -80,4 +80,25 @@ fn a_patch_is_the_floor_when_runs_were_hardly_ever_beside_it() {
         !covers([0.0, 0.0], 9.0, std::iter::empty()),
         "runs without poses say nothing"
     );
+}
+
+#[test]
+fn sizes_are_halved_towards_none_and_places_and_limits_stay() {
+    let robot = twin::golden::reference_robot("rwd");
+    let all = crate::hypothesis::candidates(&robot, &crate::hypothesis::Excitation::default());
+    let halved = |name: &str, values: &[f64]| {
+        let candidate = all
+            .iter()
+            .find(|candidate| candidate.entry.name == name)
+            .expect("a candidate");
+        let mut values = values.to_vec();
+        halve(&candidate.axes, &mut values);
+        values
+    };
+    assert_eq!(halved("weak_motor", &[0.9]), [0.95]);
+    assert_eq!(
+        halved("low_friction_patch", &[1.0, -0.5, 0.4, 0.6]),
+        [1.0, -0.5, 0.4, 0.8]
+    );
+    assert_eq!(halved("acceleration_limit", &[2.0]), [2.0]);
 }

@@ -29,7 +29,7 @@ const LEAST_VARIATION: f64 = 0.01;
 /// The same for what is bolted, built in or programmed: no rigid body changes between two runs by more than a little warmth and wear, and no firmware's timing
 /// by itself. Clocks do.
 const RIGID_VARIATION: f64 = 0.03;
-const RIGID: [&str; 14] = [
+const RIGID: [&str; 17] = [
     "command_delay",
     "motor_lag",
     "steering_lag",
@@ -44,6 +44,9 @@ const RIGID: [&str; 14] = [
     "pose_scale",
     "steering_offset",
     "steering_scale",
+    "steering_backlash",
+    "camera_seam",
+    "tag_height",
 ];
 /// The same for battery and temperature, in knobs.
 const WEATHER_SIGMA: f64 = 1.0;

@@ -56,7 +56,7 @@ pub struct NoiseModel {
 
 /// Laws of a twin are not those of a robot. Without references, and beyond where references reach, by class: standard deviation as
 /// a share of the change of the channel around a cell; poses per rad/s by which a wheel's speed changed, m and rad.
-const PRIOR_SLOPE: [f64; CLASSES] = [0.05, 0.2, 0.3, 0.3, 0.15, 0.25, 2e-4, 3e-4];
+const PRIOR_SLOPE: [f64; CLASSES] = [0.05, 0.2, 0.3, 0.3, 0.15, 0.25, 1e-4, 1.5e-4];
 /// Without references: standard deviation in quiet cells over that of the sensor.
 const PRIOR_LEVEL: [f64; CLASSES] = [2.0, 1.5, 2.0, 1.5, 1.7, 1.5, 1.5, 1.5];
 /// Without references: error of a current as a share of the limit (friction, cogging and tyres that fight each other).

@@ -258,7 +258,7 @@ fn candidate(
         _ => {
             let step = |axis: usize| {
                 let mut values = neutral.clone();
-                values[axis] += 1.5 * step_sign(&axes[axis]) * axes[axis].practical;
+                values[axis] += 1.5 * step_sign(&axes[axis], entry, robot) * axes[axis].practical;
                 Column { values, axis }
             };
             let columns = (0..axes.len()).filter(|axis| axes[*axis].carries_size).map(step);
@@ -275,8 +275,15 @@ fn candidate(
     })
 }
 
-fn step_sign(axis: &Axis) -> f64 {
-    if axis.high <= axis.neutral { -1.0 } else { 1.0 }
+/// To the side on which the library's sizes are: what is no straight line there is seen where the effect would be.
+fn step_sign(axis: &Axis, entry: &EffectEntry, robot: &RobotDescription) -> f64 {
+    let own = entry.parameters.iter().find(|parameter| parameter.name == axis.name);
+    let practical = own.map_or(axis.neutral, |parameter| parameter.size.values(robot).0);
+    if axis.high <= axis.neutral || practical < axis.neutral {
+        -1.0
+    } else {
+        1.0
+    }
 }
 
 /// Which chains can see an effect.

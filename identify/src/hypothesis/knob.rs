@@ -34,7 +34,7 @@ pub enum Knob {
 }
 
 /// Effects that are no laboratory's everyday difference, or change nothing when they are small.
-const NEVER: [&str; 18] = [
+const NEVER: [&str; 15] = [
     "longitudinal_slip",
     "stribeck_friction",
     "command_dead_band",
@@ -43,15 +43,12 @@ const NEVER: [&str; 18] = [
     "acceleration_limit",
     "low_friction_patch",
     "lateral_slip",
-    "steering_backlash",
     "gear_backlash",
     "carpet_grain",
     "cable_drag",
     "wheel_eccentricity",
     "thermal_drift",
     "caster_swivel",
-    "camera_seam",
-    "tag_height",
     "rolling_shutter",
 ];
 /// Duplicates of other knobs.

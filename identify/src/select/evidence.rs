@@ -1,6 +1,6 @@
 //! What speaks for a fitted candidate, and what speaks against it.
 
-use super::round::{Finalist, Fitted, LAW_SHARE, Round, VALIDATION_GAIN, difference, slices};
+use super::round::{Finalist, Fitted, LAW_SHARE, Round, VALIDATION_GAIN, difference, slices, weak_bar};
 use crate::fit::with_members;
 use crate::floor::Metric;
 use crate::hypothesis::Hypothesis;
@@ -21,6 +21,7 @@ const REPLICATES: usize = 200;
 
 /// Evidence on validation runs and references, and the first gate that it does not pass.
 pub(super) fn judge(data: &Round, fitted: &Fitted, threshold: f64) -> Finalist {
+    let threshold = threshold.max(data.curve_bar(fitted.position));
     let member = fitted.fit.members[0].clone();
     let mut finalist = Finalist {
         position: fitted.position,
@@ -37,7 +38,7 @@ pub(super) fn judge(data: &Round, fitted: &Fitted, threshold: f64) -> Finalist {
         member,
         joint: fitted.joint.clone(),
     };
-    if finalist.gain_train < threshold {
+    if finalist.gain_train < weak_bar(data, threshold) {
         finalist.because = gate(data, &finalist, threshold);
         return finalist;
     }
@@ -161,7 +162,8 @@ fn window_gains(metric: &Metric, run: usize, record: &Record, before: &[f64], af
     before.iter().zip(after).map(|(before, after)| before - after).collect()
 }
 
-fn window_energies(metric: &Metric, run: usize, record: &Record, vector: &[f64]) -> Vec<f64> {
+/// Energy of every window of a run, everyday differences taken out as in a run's gain.
+pub fn window_energies(metric: &Metric, run: usize, record: &Record, vector: &[f64]) -> Vec<f64> {
     let rest = metric.rest(run, vector);
     let mut from = 0;
     let mut energies: Vec<f64> = Vec::with_capacity(record.windows.len());
@@ -192,14 +194,15 @@ fn amplitude_in_references(data: &Round, metric: &Metric, model: &Hypothesis, st
 }
 
 fn gate(data: &Round, finalist: &Finalist, threshold: f64) -> Option<String> {
-    if finalist.gain_train < threshold {
+    let least = VALIDATION_GAIN * data.floor.inflation();
+    let bars = [weak_bar(data, threshold), threshold, threshold + least];
+    if !is_seen(finalist.gain_train, finalist.gain_validation, bars) {
         return Some(format!(
             "gain {:.0} on the training runs is below the threshold {threshold:.0}",
             finalist.gain_train
         ));
     }
     if !data.validation.records.is_empty() {
-        let least = VALIDATION_GAIN * data.floor.inflation();
         if finalist.gain_validation < least {
             return Some(format!(
                 "gain {:.0} on the validation runs is below {least:.0}",
@@ -250,6 +253,14 @@ fn gate(data: &Round, finalist: &Finalist, threshold: f64) -> Option<String> {
                 && (value <= &axis.low || value >= &axis.high)
         });
     at_bound.then(|| "its best value is at the end of the possible range".to_owned())
+}
+
+/// Above the threshold on the training runs; or weaker there, as much stronger on the validation runs as that is below it.
+///
+/// - `bars`: for weak ones on the training runs, for all others, and for weak ones on both together.
+fn is_seen(train: f64, validation: f64, bars: [f64; 3]) -> bool {
+    let [weak, threshold, both] = bars;
+    train >= threshold || (train >= weak && train + validation >= both)
 }
 
 /// A size far beyond the large one of the library needs evidence as large: what hardly shows may be turned to any size to fit a rest.
@@ -312,6 +323,19 @@ mod tests {
             worst_channel(&[channel(100.0, 109.0)], 60.0, 5.0),
             None,
             "a tenth is allowed"
+        );
+    }
+
+    #[test]
+    fn what_is_weak_on_the_training_runs_is_seen_when_the_others_make_up_for_it() {
+        let bars = [17.0, 34.0, 48.0];
+        assert!(is_seen(34.0, 0.0, bars), "above the threshold");
+        assert!(is_seen(28.0, 20.0, bars), "made up for");
+        assert!(!is_seen(28.0, 19.0, bars), "not quite made up for");
+        assert!(!is_seen(16.0, 500.0, bars), "nothing on the training runs");
+        assert!(
+            !is_seen(33.0, 500.0, [34.0, 34.0, 48.0]),
+            "beside another effect nothing weak"
         );
     }
 

@@ -1,9 +1,11 @@
 //! Choosing: roles of runs, acceptance of an effect, what the data cannot tell apart.
 
+mod curve;
 mod evidence;
 mod fits;
 mod round;
 mod split;
 
+pub use evidence::window_energies;
 pub use round::{Finalist, Round, Sensitivities, Side, Stop, round, slack_of};
 pub use split::{Role, roles};

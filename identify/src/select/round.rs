@@ -2,6 +2,7 @@
 
 use twin::effect::Effect;
 
+use super::curve;
 use super::evidence::{judge, stability};
 use super::fits::fits;
 use crate::fit::{Fit, Member};
@@ -18,6 +19,8 @@ const FITTED_ANYWAY: usize = 5;
 const WORTH_FITTING: f64 = 0.08;
 /// A candidate whose fit came to nothing is fitted again when its score has risen by this factor.
 const PROMISING: f64 = 1.5;
+/// So many are fitted when none is above the threshold.
+const WEAK_FITTED: usize = 3;
 /// Fits that cannot reach this share of the threshold are not finished.
 pub(super) const WANTED: f64 = 0.5;
 /// Slow to simulate: fitted only among the first three.
@@ -43,6 +46,8 @@ pub(super) const LAW_SHARE: f64 = 0.02;
 /// explains this share of what is left is no part of it.
 const LAW_REST: f64 = 0.01;
 const REST_SHARE: f64 = 0.3;
+/// No law is truer than this: what explains a smaller share of what is explained already may be its rest, however much of what is left it is.
+const LAW_LEAST: f64 = 0.001;
 
 /// Training and validation side of the data.
 pub struct Side<'a> {
@@ -72,6 +77,12 @@ pub struct Round<'a> {
 impl Round<'_> {
     pub(super) fn is_thinned(&self) -> bool {
         !core::ptr::eq(self.train.records, self.coarse.records)
+    }
+
+    /// Gain that a candidate needs when a part of its curve is in the model.
+    pub(super) fn curve_bar(&self, candidate: usize) -> f64 {
+        let members = self.members.iter().map(|member| member.candidate.entry.name);
+        curve::bar(self.candidates[candidate].entry.name, members, self.explained)
     }
 
     /// Residuals of the windows that candidates are screened on, as a share of all.
@@ -218,12 +229,16 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Sensitivities) -> R
         };
         data.members.iter().any(own)
     };
+    let weak = weak_bar(data, threshold);
     let mut order: Vec<usize> = (0..data.candidates.len())
-        .filter(|c| scores[*c].gain > threshold && !is_member(&data.candidates[*c]))
+        .filter(|c| scores[*c].gain > weak.max(data.curve_bar(*c)) && !is_member(&data.candidates[*c]))
         .filter(|c| !kept.is_vain(*c, scores[*c].gain))
         .collect();
     order.sort_by(|a, b| scores[*b].gain.total_cmp(&scores[*a].gain).then(a.cmp(b)));
-    let order = short_list(data.candidates, &order, &scores);
+    let mut order = short_list(data.candidates, &order, &scores);
+    if order.first().is_some_and(|best| scores[*best].gain <= threshold) {
+        order.truncate(WEAK_FITTED);
+    }
     let mut stop = Stop {
         scores,
         threshold,
@@ -235,7 +250,8 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Sensitivities) -> R
     if order.is_empty() {
         return Ok(stop);
     }
-    let threshold = threshold.max((LAW_REST * data.explained).min(REST_SHARE * rest_of(data)));
+    let law_rest = (LAW_REST * data.explained).min(REST_SHARE * rest_of(data));
+    let threshold = threshold.max(law_rest).max(LAW_LEAST * data.explained);
     stop.threshold = threshold;
     let fitted = fits(workers, data, &order, &stop.scores, threshold)?;
     let is_vain = |fitted: &&Fitted| fitted.fit.gain < WANTED * threshold && !fitted.fit.is_given_up;
@@ -292,6 +308,17 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Sensitivities) -> R
         kept.vain.push((finalist.position, stop.scores[finalist.position].gain));
     }
     Ok(stop)
+}
+
+/// Gain on the training runs from which a candidate is looked at although it is below the threshold: what the threshold would be had the
+/// references no excess of their own. Such a candidate is believed when the validation runs speak for it so much the more; beside an
+/// effect that is named already the rest of its law would pass as one, and nothing weak is looked for.
+pub(super) fn weak_bar(data: &Round, threshold: f64) -> f64 {
+    if data.members.is_empty() && !data.validation.records.is_empty() {
+        threshold / data.floor.inflation()
+    } else {
+        threshold
+    }
 }
 
 /// Energy of the training runs beyond the noise.

@@ -1,0 +1,109 @@
+//! What is left of a set once its true effect is in the model: the windows of runs and references that are loudest by the references' noise, and
+//! on which channels.
+//!
+//! `cargo run --release -p blind --example rest -- SEED NUMBER...`: sets of one effect, as `--kind single` numbers them.
+
+use blind::kind::Kind;
+use blind::set::{Set, Wish};
+use identify::diagnose::calibrated_floor;
+use identify::floor::Floor;
+use identify::hypothesis::Hypothesis;
+use identify::record::{CHANNELS, CLASSES, Record, Stages, residuals};
+use identify::workers::Serial;
+
+/// Windows shown of references and of runs.
+const SHOWN: usize = 8;
+
+/// Energy over the noise of every window by channel, with its number of cells.
+fn windows(floor: &Floor, record: &Record, model: &Hypothesis) -> Vec<[(f64, usize); CLASSES]> {
+    let mut sums = vec![[(0.0, 0); CLASSES]; record.windows.len()];
+    let Some(residual) = residuals(record, model, Stages::BOTH, None) else {
+        return sums;
+    };
+    let weights = floor.noise.weights(record);
+    for ((place, weight), value) in record.places().iter().zip(weights).zip(&residual) {
+        if let Some(quantity) = place.quantity {
+            let sum = &mut sums[place.window][quantity.class()];
+            sum.0 += weight * value * value;
+            sum.1 += 1;
+        }
+    }
+    sums
+}
+
+fn show(floor: &Floor, records: &[Record], model: &Hypothesis) {
+    let mut all: Vec<(f64, String)> = Vec::new();
+    let mut totals = [(0.0, 0); CLASSES];
+    for record in records {
+        for (window, classes) in record.windows.iter().zip(windows(floor, record, model)) {
+            let excess: Vec<(usize, f64)> = (0..CLASSES)
+                .filter(|class| classes[*class].1 > 0)
+                .map(|class| (class, classes[class].0 - classes[class].1 as f64))
+                .collect();
+            for class in 0..CLASSES {
+                totals[class].0 += classes[class].0;
+                totals[class].1 += classes[class].1;
+            }
+            let words: Vec<String> = excess
+                .iter()
+                .filter(|(_, excess)| excess.abs() > 5.0)
+                .map(|(class, excess)| format!("{} {excess:+.0} of {}", CHANNELS[*class], classes[*class].1))
+                .collect();
+            let sum: f64 = excess.iter().map(|pair| pair.1).sum();
+            let (pose, twist) = (window.start.pose, window.start.twist);
+            let [vx, vy, yaw_rate] = [twist.forward_m_per_s, twist.left_m_per_s, twist.yaw_rate_rad_per_s];
+            all.push((
+                sum,
+                format!(
+                    "{} {:.1} to {:.1} s, starts at ({:.2}, {:.2}) m with {vx:.2} {vy:.2} m/s {yaw_rate:.2} rad/s: {}",
+                    record.name,
+                    window.from_s,
+                    window.to_s,
+                    pose.x_m,
+                    pose.y_m,
+                    words.join(", ")
+                ),
+            ));
+        }
+    }
+    let shares: Vec<String> = totals
+        .iter()
+        .zip(CHANNELS)
+        .filter(|(total, _)| total.1 > 0)
+        .map(|(total, name)| format!("{name} {:.2}", total.0 / total.1 as f64))
+        .collect();
+    println!("  energy of a cell by channel: {}", shares.join(" "));
+    all.sort_by(|a, b| b.0.total_cmp(&a.0));
+    for (excess, words) in all.iter().take(SHOWN) {
+        println!("    {excess:+8.0} {words}");
+    }
+}
+
+fn main() -> anyhow::Result<()> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let seed: u64 = arguments.first().map_or(Ok(1), |text| text.parse())?;
+    let wish = Wish {
+        kind: Some(Kind::Single),
+        ..Wish::standard()
+    };
+    for number in arguments.iter().skip(1) {
+        let set = Set::new(seed, number.parse()?, &wish)?;
+        let driven = set.driven(0)?;
+        let Some(known) = driven.known.first() else { continue };
+        println!(
+            "{number} {} {} {:?}",
+            set.chassis, known.drawn.name, known.best.parameters
+        );
+        let floor = calibrated_floor(&Serial, &driven.references, None)?;
+        println!("  references, calibrated");
+        show(&floor, &floor.references, &floor.model);
+        let records: Vec<Record> = driven
+            .runs
+            .iter()
+            .map(|run| Record::of(&run.path, &run.bundle))
+            .collect();
+        println!("  runs, with the truth in the model");
+        show(&floor, &records, &floor.model.with(known.best.effect()));
+    }
+    Ok(())
+}
