@@ -69,6 +69,10 @@ pub struct Control {
     /// Correction of the commands by the robots' models, in the mode `interactive`; off when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub interaction: Option<Interaction>,
+    /// Feedback alone: the law sees robots where they were measured, without delay compensation, and nothing is learnt of them
+    /// during the run. For comparisons; cannot stand beside `interaction`.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub feedback_alone: bool,
 }
 
 /// Correction of the commands by the robots' models.

@@ -4,6 +4,7 @@ use crate::experiment::Experiment;
 use crate::verdict::Verdict;
 use chrono::{DateTime, Utc};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use uuid::Uuid;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -106,6 +107,10 @@ pub struct RunView {
     pub digest: DigestComparison,
     pub verdict: Option<Verdict>,
     pub experiment: Experiment,
+    /// By robot: the model version that the experiment was rehearsed with, its twin drove with and that corrected its commands
+    /// where the experiment asks for it; robots that are missing have the nominal one.
+    #[serde(default)]
+    pub models: BTreeMap<String, String>,
     pub files: Vec<FileView>,
     /// Control ticks recorded and missed, once the laboratory reported them.
     pub ticks_recorded: Option<i64>,

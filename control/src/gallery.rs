@@ -302,6 +302,7 @@ fn scenario_json(name: &str, duration_s: f64, rows: &[Row]) -> String {
                 law: PUSH.into(),
                 parameters: serde_json::json!({ "twists": twists }),
                 interaction: None,
+                feedback_alone: false,
             },
             targets: Vec::new(),
             duration_s,

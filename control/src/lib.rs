@@ -12,9 +12,11 @@
 pub mod answer;
 pub mod effectiveness;
 pub mod gallery;
+pub mod ideal;
 pub mod interaction;
 pub mod law;
 pub mod notebook;
+pub mod path_error;
 pub mod prediction;
 pub mod rehearsal;
 pub mod safety;

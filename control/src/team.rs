@@ -53,6 +53,8 @@ pub struct Team {
     described: Vec<Answer>,
     /// By robot; empty without correction.
     interactions: Vec<Interaction>,
+    /// The law sees what was measured, and nothing is learnt.
+    feedback_alone: bool,
     /// What the law sees.
     seen: Vec<RobotObservation>,
     demands: Vec<Demand>,
@@ -125,6 +127,7 @@ impl Team {
             predictors: bodies.iter().map(|body| Predictor::new(axle_x_m(body.drive))).collect(),
             described,
             interactions: Vec::new(),
+            feedback_alone: scenario.experiment.control.feedback_alone,
             seen: Vec::with_capacity(bodies.len()),
             demands: vec![Demand::default(); bodies.len()],
             wanted: vec![BodyTwist::default(); bodies.len()],
@@ -215,27 +218,32 @@ impl Team {
     }
 
     /// Lets the law see where a robot will be when the command of this tick takes effect, in place of the pose as it was
-    /// measured; off until then, and with `None`. The safety filter goes on with what was measured.
+    /// measured; off until then, with `None`, and in experiments that ask for feedback alone. The safety filter goes on with what
+    /// was measured.
     ///
     /// - `answer`: delay of link and robot, s.
     pub fn set_answer(&mut self, robot: usize, answer: Option<Answer>) {
         if let Some(predictor) = self.predictors.get_mut(robot) {
-            predictor.set_answer(answer);
+            predictor.set_answer(answer.filter(|_| !self.feedback_alone));
         }
     }
 
     /// [`Self::set_answer`] for all robots, with the answers that they have by their descriptions.
     pub fn look_ahead_as_described(&mut self) {
         for (predictor, answer) in self.predictors.iter_mut().zip(&self.described) {
-            predictor.set_answer(Some(*answer));
+            predictor.set_answer(Some(*answer).filter(|_| !self.feedback_alone));
         }
     }
 
     /// Lets the team learn during the run how much of the yaw rate that it is told each robot turns, and tell it accordingly
     /// more, ahead of acceleration limit and safety filter ([`crate::effectiveness`]); off until then, and while a robot's answer is not known ([`Self::set_answer`]).
-    /// Robots that steer are left out: their arcs follow from the steering angle, not from what the wheels push.
+    /// Experiments that ask for feedback alone are left as they are, and so are
+    /// robots that steer: their arcs follow from the steering angle, not from what the wheels push.
     #[must_use]
     pub fn learning(mut self) -> Team {
+        if self.feedback_alone {
+            return self;
+        }
         for (predictor, body) in self.predictors.iter_mut().zip(&self.bodies) {
             if !matches!(body.drive, Drive::Steered { .. }) {
                 *predictor = Predictor::new(axle_x_m(body.drive)).learning();

@@ -217,3 +217,39 @@ fn a_head_on_experiment_that_starts_overlapping_or_aims_into_the_wall_is_refused
         "duration_s": 20, "seed": 1, "model": null});
     assert_eq!(fields(&scenario_of(experiment)), ["robots[1].start", "targets[0].x_m"]);
 }
+
+#[test]
+fn feedback_alone_has_no_answers_learns_nothing_and_stands_beside_no_interaction() {
+    let mut document = example("path-zigzag");
+    document["experiment"]["control"]["feedback_alone"] = json!(true);
+    let scenario = Scenario::from_json(&document.to_string()).expect("a scenario");
+    let turned = |scenario: &Scenario| {
+        let mut team = control::team::Team::new(scenario).expect("a team").learning();
+        team.look_ahead_as_described();
+        let start = scenario.experiment.robots[0].start;
+        let seen = control::team::RobotObservation {
+            pose: twin::pose::Pose {
+                x_m: start.x_m,
+                y_m: start.y_m,
+                yaw_rad: start.yaw_rad,
+            },
+            pose_age_s: 0.05,
+            twist: twin::twist::BodyTwist {
+                forward_m_per_s: 0.3,
+                left_m_per_s: 0.0,
+                yaw_rate_rad_per_s: 0.0,
+            },
+            online: true,
+        };
+        team.tick(&vec![seen; scenario.experiment.robots.len()]);
+        let [x_m, y_m] = [team.seen()[0].pose.x_m - start.x_m, team.seen()[0].pose.y_m - start.y_m];
+        x_m.abs() + y_m.abs()
+    };
+    assert!(turned(&scenario) == 0.0, "the law sees what was measured");
+    let mut usual = scenario.clone();
+    usual.experiment.control.feedback_alone = false;
+    assert!(turned(&usual) > 1e-6, "the law sees where the robot will be");
+    document["experiment"]["mode"] = json!("interactive");
+    document["experiment"]["control"]["interaction"] = json!({"horizon_s": 0.3});
+    assert_eq!(fields(&document), ["control.feedback_alone"]);
+}

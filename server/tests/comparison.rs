@@ -146,6 +146,20 @@ async fn what_cannot_be_compared_is_refused_with_field_limit_and_remedy() {
             assert!(error[key].as_str().is_some_and(|text| !text.is_empty()), "{problem}");
         }
     }
+    // More than a page can wait for is left to the reader's own machine.
+    let large = i64::from(128 << 20) + 1;
+    for (bytes, status) in [(large, StatusCode::UNPROCESSABLE_ENTITY), (large / 3, StatusCode::OK)] {
+        let grow = format!("UPDATE run_files SET bytes = {bytes} WHERE run_id = '{run}' AND name LIKE '%telemetry.csv'");
+        service.database.try_execute(&grow).await.expect("grown");
+        let response = compare(&service, &body(ROBOT, run, "nominal")).await;
+        assert_eq!(response.status(), status, "{bytes} bytes");
+        if status != StatusCode::OK {
+            let problem = problem(response).await;
+            assert_eq!(problem["errors"][0]["field"], "run", "{problem}");
+            let limit = problem["errors"][0]["limit"].as_str().unwrap_or_default();
+            assert_eq!(limit, "at most 134217728 bytes");
+        }
+    }
     let short = json!({"robot": ROBOT, "run": run, "first": "nominal", "second": "nominal"});
     let short: Value = compare(&service, &short).await.json().await.expect("JSON");
     assert_eq!((&short["nearer"], &short["ratio"]), (&json!("unknown"), &Value::Null));

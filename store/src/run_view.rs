@@ -31,6 +31,7 @@ struct RunRow {
     server_twin_version: Option<String>,
     verdict: Option<String>,
     document: String,
+    models: String,
     ticks_recorded: Option<i64>,
     ticks_missed: Option<i64>,
     #[sqlx(flatten)]
@@ -60,6 +61,8 @@ macro_rules! run_select {
             "SELECT r.id, r.experiment_id, e.label, u.name AS submitted_by, r.state, r.epoch, r.created_at, r.queued_at,
                 r.started_at, r.ended_at, r.fault_whose, r.fault_code, r.fault_message, e.claimed_digest, e.claimed_twin_version,
                 r.server_digest, r.server_twin_version, r.verdict::text AS verdict, e.document::text AS document,
+                (SELECT coalesce(json_object_agg(x.robot, m.version), '{}')::text FROM experiment_models x JOIN models m ON m.id = x.model_id
+                    WHERE x.experiment_id = e.id) AS models,
                 r.ticks_recorded, r.ticks_missed, r.arena, a.name IS NOT NULL AS arena_known,
                 r.side = 'virtual' AS is_virtual,
                 CASE WHEN r.side = 'virtual' THEN coalesce(a.simulator_seen_at > clock_timestamp() - make_interval(secs => $2 + 30), false)
@@ -185,6 +188,7 @@ impl RunRow {
                 .transpose()
                 .map_err(StoreError::corrupt("verdict"))?,
             experiment: serde_json::from_str(&self.document).map_err(StoreError::corrupt("experiment"))?,
+            models: serde_json::from_str(&self.models).map_err(StoreError::corrupt("models"))?,
             files,
             ticks_recorded: self.ticks_recorded,
             ticks_missed: self.ticks_missed,

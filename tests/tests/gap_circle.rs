@@ -6,6 +6,8 @@ use std::time::Duration;
 use system_tests::{Browser, System, repository};
 
 const ROBOT: &str = "omni-01";
+/// The first of its versions.
+const VERSION: &str = "omni-01/1";
 /// Wheels larger by this share; the library calls 0.5 to 8 % practical to large.
 const LARGER: f64 = 0.05;
 /// Runs that the person keeps back for the figures.
@@ -35,6 +37,77 @@ async fn wait_for_gaps(browser: &Browser, count: usize) -> anyhow::Result<Vec<(S
 
 fn rms(gaps: &[(String, f64)]) -> f64 {
     (gaps.iter().map(|(_, gap_m)| gap_m * gap_m).sum::<f64>() / gaps.len() as f64).sqrt()
+}
+
+/// The version on the Models page: held against the nominal twin on the newest run, given back, and taken again.
+async fn visit_models(browser: &Browser) -> anyhow::Result<()> {
+    browser.click("nav.models").await?;
+    let in_use = |seen: &Value, version: Option<&str>| {
+        let models = &seen["state"]["models"];
+        let listed = models["versions"].as_array().is_some_and(|all| all.iter().any(|one| one == VERSION));
+        seen["page"] == "models" && models["robot"] == ROBOT && listed && models["in_use"].as_str() == version
+    };
+    browser
+        .wait("the version in use", SHORT, |seen| in_use(seen, Some(VERSION)))
+        .await?;
+    browser.click("models.compare").await?;
+    let told = |seen: &Value| seen["state"]["models"]["sentence"].is_string();
+    let seen = browser.wait("the comparison", SHORT, told).await?;
+    let models = &seen["state"]["models"];
+    let sentence = models["sentence"].as_str().unwrap_or_default();
+    println!("{sentence}");
+    assert_eq!(models["compared"], json!(["Nominal twin", VERSION]), "{models}");
+    assert!(
+        sentence.contains(&format!("{VERSION} is nearer to this run than the nominal twin")),
+        "{sentence}"
+    );
+    browser.picture(&pictures().join("models-compared.png")).await?;
+    for (row, version) in [("Nominal twin", None), (VERSION, Some(VERSION))] {
+        browser.click(&format!("models.row.{row}")).await?;
+        let usable = |seen: &Value| seen["widgets"]["models.use"]["enabled"] == true;
+        browser.wait("a version that can be used", SHORT, usable).await?;
+        browser.click("models.use").await?;
+        browser.wait(row, SHORT, |seen| in_use(seen, version)).await?;
+    }
+    Ok(())
+}
+
+/// The same from a terminal: the list, the comparison, the files, and what is refused.
+fn call_models(system: &System, run: &str) -> anyhow::Result<()> {
+    let program = std::env::var_os("ROBOPHEUS_UP").map_or_else(std::env::current_exe, |path| Ok(path.into()))?;
+    let call = |arguments: &[&str]| {
+        let mut ancestors = program.ancestors().map(|folder| folder.join("robopheus"));
+        let own = ancestors.find(|path| path.is_file()).expect("the program is built beside the tests");
+        let mut command = std::process::Command::new(own);
+        command.args(["--json", "--server", &system.base, "models"]).args(arguments);
+        command.env("HOME", &system.data).env("XDG_CONFIG_HOME", &system.data);
+        command.output()
+    };
+    let read = |arguments: &[&str]| -> anyhow::Result<Value> {
+        let output = call(arguments)?;
+        let words = String::from_utf8_lossy(&output.stderr).into_owned();
+        anyhow::ensure!(output.status.success(), "{arguments:?}: {words}");
+        Ok(serde_json::from_slice(&output.stdout)?)
+    };
+    let listed = read(&["list", "--robot", ROBOT])?;
+    assert_eq!(listed[0]["version"], VERSION, "{listed}");
+    assert_eq!(read(&["list", "--robot", "omni-02"])?, json!([]));
+    let found = read(&["compare", run, "--robot", ROBOT, "nominal", VERSION])?;
+    assert_eq!(found["nearer"], "second", "{found}");
+    let folder = system.data.join("fetched");
+    let out = folder.display().to_string();
+    read(&["fetch", VERSION, "--out", &out])?;
+    let document: Value = serde_json::from_slice(&std::fs::read(folder.join("model.json"))?)?;
+    assert_eq!(document, listed[0]["document"]);
+    assert!(!folder.join("model.onnx").exists(), "it carries no network");
+    for refused in [
+        ["fetch", VERSION, "--out", &out].as_slice(),
+        &["use", ROBOT, "omni-01/99"],
+        &["compare", run, "--robot", "diff-01", "nominal", VERSION],
+    ] {
+        assert!(!call(refused)?.status.success(), "{refused:?}");
+    }
+    Ok(())
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -115,6 +188,8 @@ async fn a_hidden_effect_is_named_accepted_and_gone() -> anyhow::Result<()> {
     // The service's own margin, and unchanged runs against the twin before anything was changed.
     assert!(after_m <= 1.5 * floor_m, "before, after, floor: {shown:?}");
     browser.picture(&pictures().join("gap-accepted.png")).await?;
+    visit_models(&browser).await?;
+    call_models(&system, &again[0].to_string())?;
     browser.close().await?;
     let left = system.stop()?;
     assert!(left.is_empty(), "left behind: {left:?}");

@@ -3,7 +3,8 @@
 //! Pages send [`Command`]s; `update/` turns commands and [`Event`]s into new state and [`Effect`]s;
 //! the platform carries effects out and reports back with events.
 
-use crate::state::{Page, RobotIndex, Shown, Side, TargetIndex, Template};
+use crate::correction::Correction;
+use crate::state::{Page, RobotIndex, RunSide, Shown, Side, TargetIndex, Template};
 use api::experiment::Mode;
 use api::verdict::{Replay, Verdict};
 use uuid::Uuid;
@@ -20,6 +21,13 @@ pub enum Command {
     ChooseTemplate(Template),
     SetLabel(String),
     SetMode(Mode),
+    SetCorrection(Correction),
+    /// How far the models look ahead.
+    SetHorizon {
+        horizon_s: f64,
+    },
+    /// The template of the paper's path on another robot.
+    PutOnPath(String),
     SetDuration {
         duration_s: f64,
     },
@@ -64,6 +72,7 @@ pub enum Command {
     ConfirmCancel(Uuid),
     KeepRun,
     OpenRun(Uuid),
+    ShowRunSide(RunSide),
     Download {
         url: String,
         file_name: String,

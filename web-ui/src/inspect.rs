@@ -3,6 +3,7 @@
 //! Refreshed each frame; see the crate's documentation for the names of the widgets.
 
 use crate::pages::notes;
+use crate::pages::run::comparison::data as comparison;
 use crate::state::{ComparisonState, ReportState, State, TwinStatus};
 use serde::Serialize;
 use std::cell::RefCell;
@@ -106,6 +107,9 @@ pub struct RunSummary {
     pub log_lines: usize,
     pub drawings: usize,
     pub notes_of: Option<&'static str>,
+    /// The sentence about the path, and the lines of the comparison: run, correction, RMS distance in m.
+    pub tracking: Option<String>,
+    pub compared: Vec<(String, String, Option<f64>)>,
 }
 
 #[derive(Debug, Default, Serialize)]
@@ -184,6 +188,8 @@ pub fn summary(state: &State) -> Summary {
             log_lines: notes::lines(run_notes).len(),
             drawings: notes::drawings_at(run_notes, state.run.playback.time_s).len(),
             notes_of: (!run_notes.is_empty()).then_some(notes_of),
+            tracking: comparison::headline(state).map(|headline| headline.sentence),
+            compared: compared(state),
         },
         gap: gap(state),
         models: models(state),
@@ -191,6 +197,17 @@ pub fn summary(state: &State) -> Summary {
         server_reachable: state.service.reachable,
         last_error: state.last_error.clone(),
     }
+}
+
+/// Only on the Run page: finding runs along the same path takes time in every frame.
+fn compared(state: &State) -> Vec<(String, String, Option<f64>)> {
+    if state.page != crate::state::Page::Run {
+        return Vec::new();
+    }
+    let rms_m = |run: &uuid::Uuid| Some(state.comparison.found.get(run)?.as_ref()?.figures.rms_m);
+    let rows = comparison::rows(state).into_iter();
+    rows.map(|row| (row.run.to_string(), row.what, rms_m(&row.run)))
+        .collect()
 }
 
 fn models(state: &State) -> ModelsSummary {

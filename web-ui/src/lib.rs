@@ -9,7 +9,9 @@
 //! maps a name to `{x, y, w, h, enabled}` in CSS pixels. Only what is on the screen now is listed. Names:
 //!
 //! * everywhere: `nav.compose`, `nav.queue`, `nav.live`, `nav.run`, `nav.robots`, `nav.gap`, `nav.models`, `nav.theme`, `toast.<n>.close`
-//! * Compose: `compose.template.rectangle-omni4`, `compose.template.rectangle-diff2`, `compose.template.swap-corners`, `compose.template.own-controller`,
+//! * Compose: `compose.template.rectangle-omni4`, `compose.template.rectangle-diff2`, `compose.template.paper-path`, `compose.template.swap-corners`, `compose.template.own-controller`,
+//!   `compose.step.a`, `compose.step.c`, `compose.path` (opens the list of robots), `compose.path.<robot>`,
+//!   `compose.mode.<title>`, `compose.correction.<title>`, `compose.horizon`, `compose.correction.models`,
 //!   `compose.team` (opens the list), `compose.take.<robot>` (joins or leaves), `compose.label`, `compose.duration`, `compose.seed`, `compose.parameter.<key>`, `compose.parameters.reset`,
 //!   `compose.json` (opens the document), `compose.json.copy`, `compose.arena` (the floor),
 //!   `compose.robot.<i>` (start pose, drag), `compose.robot.<i>.yaw` (handle), `compose.target.<i>` (drag),
@@ -22,6 +24,8 @@
 //! * Queue: `queue.row.<run id>` (opens), `queue.cancel.<run id>`, `queue.cancel.yes`, `queue.cancel.no`, `queue.compose`
 //! * Live: `live.arena`, `live.log`, `live.open`, `live.compose`
 //! * Run: `run.arena`, `run.log`, `run.plot`, `run.play`, `run.seek`, `run.speed`, `run.live`, `run.cancel`, `run.finding.<i>`,
+//!   `run.tracking` (the sentence about the path), `run.side.motion`, `run.side.comparison`, `run.peer.<run id>` (opens), `run.comparison.floor`,
+//!   `run.comparison.plot`, `run.comparison.models`,
 //!   `run.download.archive`, `run.download.<file name>`
 //! * Robots: `robots.row.<name>`
 //! * Gap: `gap.robot.<name>`, `gap.run.<run id>.same`, `gap.run.<run id>.changed`, `gap.run.<run id>.locked`, `gap.keep`, `gap.start`, `gap.new`,
@@ -34,6 +38,8 @@
 pub mod app;
 pub mod arena_view;
 pub mod command;
+pub mod correction;
+pub mod course;
 pub mod error_measure;
 #[cfg(target_arch = "wasm32")]
 mod file_dialogue;
@@ -42,6 +48,7 @@ pub mod inspect;
 pub mod net;
 pub mod output;
 pub mod pages;
+pub mod paper_path;
 pub mod parameters;
 #[cfg(target_arch = "wasm32")]
 pub mod platform;
@@ -49,6 +56,7 @@ pub mod report;
 pub mod scenario;
 pub mod state;
 pub mod theme;
+pub mod tracking;
 pub mod update;
 pub mod worker;
 

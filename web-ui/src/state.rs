@@ -1,8 +1,12 @@
 //! Plain data: everything the dashboard knows. Only `update/` changes it.
 
+mod comparison;
 mod program;
+mod template;
 
+pub use comparison::{Comparison, RunSide, TRACKS_MAX};
 pub use program::{Mistake, ModuleFile, Program, Side};
+pub use template::Template;
 
 use crate::command::Request;
 use crate::report::Report;
@@ -75,66 +79,6 @@ impl Page {
     }
 }
 
-/// Example experiments to start from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Template {
-    RectangleOmni4,
-    RectangleDiff2,
-    SwapCorners,
-    OwnController,
-}
-
-impl Template {
-    pub const ALL: [Self; 4] = [
-        Self::RectangleOmni4,
-        Self::RectangleDiff2,
-        Self::SwapCorners,
-        Self::OwnController,
-    ];
-
-    /// As in the file name under `examples/experiments/`; the last stands under `examples/controllers/`.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::RectangleOmni4 => "rectangle-omni4",
-            Self::RectangleDiff2 => "rectangle-diff2",
-            Self::SwapCorners => "swap-corners",
-            Self::OwnController => "own-controller",
-        }
-    }
-
-    pub const fn title(self) -> &'static str {
-        match self {
-            Self::RectangleOmni4 => "Rectangle path, omnidirectional robot",
-            Self::RectangleDiff2 => "Rectangle path, two-wheel robot",
-            Self::SwapCorners => "Four robots swap corners",
-            Self::OwnController => "Own controller: write it here",
-        }
-    }
-
-    pub const fn explanation(self) -> &'static str {
-        match self {
-            Self::RectangleOmni4 => "The paper's path, out and back, on four omni wheels",
-            Self::RectangleDiff2 => "The same path on a differential drive",
-            Self::SwapCorners => "Everyone drives to the opposite corner without touching",
-            Self::OwnController => "Four robots under a script of your own; the twin drives it as you type",
-        }
-    }
-
-    const fn text(self) -> &'static str {
-        match self {
-            Self::RectangleOmni4 => include_str!("../../examples/experiments/rectangle-omni4.json"),
-            Self::RectangleDiff2 => include_str!("../../examples/experiments/rectangle-diff2.json"),
-            Self::SwapCorners => include_str!("../../examples/experiments/swap-corners.json"),
-            Self::OwnController => include_str!("../../examples/controllers/avoid-each-other.json"),
-        }
-    }
-
-    /// The embedded document.
-    pub fn experiment(self) -> Experiment {
-        serde_json::from_str(self.text()).expect("embedded example is valid; a test reads all of them")
-    }
-}
-
 /// Time as the update functions see it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Clock {
@@ -154,6 +98,7 @@ pub struct State {
     pub queue: Queue,
     pub live: Live,
     pub run: Run,
+    pub comparison: Comparison,
     pub gap: Gap,
     pub models: Models,
     pub toasts: VecDeque<Toast>,
@@ -525,6 +470,7 @@ impl State {
             queue: Queue::default(),
             live: Live::default(),
             run: Run::default(),
+            comparison: Comparison::default(),
             gap: Gap::default(),
             models: Models::default(),
             toasts: VecDeque::new(),

@@ -3,7 +3,7 @@
 mod colours;
 mod format;
 
-pub use colours::{Palette, Tone, palette};
+pub use colours::{Palette, ROBOT_INKS, Tone, palette};
 pub use format::*;
 
 use egui::{Context, CornerRadius, FontFamily, FontId, Margin, Stroke, Style, TextStyle, Theme, Visuals, vec2};

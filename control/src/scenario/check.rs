@@ -156,6 +156,14 @@ fn check_interaction(scenario: &Scenario, problems: &mut Problems) {
     let Some(asked) = scenario.experiment.control.interaction else {
         return;
     };
+    if scenario.experiment.control.feedback_alone {
+        problems.add(
+            "control.feedback_alone",
+            "models cannot correct the commands of feedback alone",
+            "`feedback_alone` or `interaction`, not both",
+            "leave one of the two out",
+        );
+    }
     let [least_s, most_s] = interaction::HORIZONS_S;
     // False also of what is not a number.
     if !(least_s..=most_s).contains(&asked.horizon_s) {

@@ -100,6 +100,9 @@ pub struct Control {
     /// Correction of the commands by the robots' models, in the mode `interactive`; off when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub interaction: Option<InteractionSetting>,
+    /// Feedback alone: the law sees robots where they were measured, without delay compensation, and nothing is learnt of them.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub feedback_alone: bool,
 }
 
 /// How far ahead of the robots their models look; [`crate::interaction`].

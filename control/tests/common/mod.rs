@@ -5,7 +5,7 @@ use control::scenario::Scenario;
 use serde_json::{Value, json};
 
 const LAB: &str = include_str!("../../../examples/lab/reference.json");
-pub const EXPERIMENTS: [(&str, &str); 11] = [
+pub const EXPERIMENTS: [(&str, &str); 12] = [
     (
         "rectangle-omni4",
         include_str!("../../../examples/experiments/rectangle-omni4.json"),
@@ -25,6 +25,10 @@ pub const EXPERIMENTS: [(&str, &str); 11] = [
     (
         "path-zigzag",
         include_str!("../../../examples/experiments/path-zigzag.json"),
+    ),
+    (
+        "paper-path",
+        include_str!("../../../examples/experiments/paper-path.json"),
     ),
     (
         "trajectory-loops",

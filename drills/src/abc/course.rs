@@ -138,3 +138,34 @@ impl Setting {
 pub fn pieces(scenario: &Scenario) -> Vec<Piece> {
     path(scenario, 0)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::settings::committed;
+    use super::*;
+
+    #[test]
+    fn the_dashboard_s_template_is_the_drill() {
+        let template: Value =
+            serde_json::from_str(include_str!("../../../examples/experiments/paper-path.json")).unwrap();
+        let scene = Course::L.scene("omni4", &committed().unwrap()["omni4"]).unwrap();
+        let drill = scene.experiment();
+        assert_eq!(template["robots"][0]["start"], drill["robots"][0]["start"]);
+        assert_eq!(template["control"]["law"], drill["control"]["law"]);
+        assert_eq!(template["control"]["parameters"], drill["control"]["parameters"]);
+        assert_eq!(template["duration_s"].as_f64(), drill["duration_s"].as_f64());
+        let corners = |experiment: &Value| -> Vec<[f64; 2]> {
+            let targets = experiment["targets"].as_array().unwrap();
+            let at = |target: &Value, key: &str| target[key].as_f64().unwrap();
+            targets
+                .iter()
+                .map(|target| [at(target, "x_m"), at(target, "y_m")])
+                .collect()
+        };
+        assert_eq!(corners(&template), corners(drill));
+        assert_eq!(
+            template["control"]["feedback_alone"], true,
+            "A of the drill looks nowhere ahead"
+        );
+    }
+}

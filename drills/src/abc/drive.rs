@@ -1,19 +1,17 @@
 //! One run on the emulated plant, on the twin, or of the ideal robot.
 
 use super::course::{Course, Setting, pieces};
-use super::error::PathError;
 use crate::{LightSettings, Rig, RigSettings};
 use anyhow::{Result, anyhow, ensure};
+use control::ideal::Ideal;
 use control::interaction::Settings;
-use control::law::{self, Demand, Drive, Observation, Parameters, RobotObservation};
+use control::path_error::PathError;
 use control::rehearsal::Rehearsal;
 use control::scenario::Scenario;
 use control::team::Team;
 use emulator::hidden::Hidden;
 use lab::record::Record;
-use twin::pose::Pose;
 use twin::robot::Robot;
-use twin::twist::BodyTwist;
 
 const TICK_HZ: f64 = 120.0;
 /// Half width of the paper's band.
@@ -126,20 +124,6 @@ pub fn plant_settings(hidden: &Hidden, seed: u64) -> RigSettings {
     }
 }
 
-/// RMS distance from where the ideal robot is at the same time, m; a constant delay, up to 1 s, is taken out.
-pub fn time_rms_m(poses: &[[f64; 3]], ideal: &[[f64; 3]]) -> f64 {
-    let rms = |delay: usize| {
-        let pairs = poses.iter().enumerate().map(|(k, pose)| {
-            let then = k.saturating_sub(delay).min(ideal.len().saturating_sub(1));
-            ideal
-                .get(then)
-                .map_or(0.0, |at| (pose[0] - at[0]).powi(2) + (pose[1] - at[1]).powi(2))
-        });
-        (pairs.sum::<f64>() / poses.len().max(1) as f64).sqrt()
-    };
-    (0..=120).step_by(3).map(rms).fold(f64::INFINITY, f64::min)
-}
-
 /// A course on the twin.
 pub fn on_twin(chassis: &str, course: Course, setting: &Setting) -> Result<Figures> {
     let scene = course.scene(chassis, setting)?;
@@ -155,68 +139,14 @@ pub fn on_twin(chassis: &str, course: Course, setting: &Setting) -> Result<Figur
     Ok(tally.figures(finished))
 }
 
-/// The ideal robot: it does at once what the law tells it. Poses, a tick apart.
-pub fn ideal(chassis: &str, course: Course, setting: &Setting) -> Result<(Figures, Vec<[f64; 3]>)> {
+/// The ideal robot on a course.
+pub fn ideal(chassis: &str, course: Course, setting: &Setting) -> Result<(Figures, Ideal)> {
     let scenario = course.scene(chassis, setting)?.scenario()?;
-    let robots = control::team::robots(&scenario).map_err(|problems| anyhow!("{problems:?}"))?;
-    let bodies = law::bodies(&scenario, &robots);
-    let mut law = law::build(&scenario).ok_or_else(|| anyhow!("no law"))?;
-    let (targets, parameters) = (law::goals(&scenario), Parameters::of(&scenario.experiment.control));
-    let axle_x_m = match bodies.first().map(|body| body.drive) {
-        Some(Drive::Steered { axle_x_m, .. }) => axle_x_m,
-        _ => 0.0,
-    };
-    let start = scenario
-        .experiment
-        .robots
-        .first()
-        .ok_or_else(|| anyhow!("no robot"))?
-        .start;
-    let mut pose = [start.x_m, start.y_m, start.yaw_rad];
+    let ideal = control::ideal::drive(&scenario, 90.0).map_err(|problems| anyhow!("{problems:?}"))?;
+    let ideal = ideal.ok_or_else(|| anyhow!("no law"))?;
     let mut tally = Tally::new(&scenario);
-    let mut poses = Vec::new();
-    let (mut twist, mut finished) = (BodyTwist::default(), false);
-    let mut rest = 0;
-    for tick in 0..(90.0 * TICK_HZ) as u64 {
-        poses.push(pose);
-        tally.add([pose[0], pose[1]]);
-        let seen = RobotObservation {
-            pose: Pose {
-                x_m: pose[0],
-                y_m: pose[1],
-                yaw_rad: pose[2],
-            },
-            pose_age_s: 0.0,
-            twist: BodyTwist {
-                left_m_per_s: twist.left_m_per_s - axle_x_m * twist.yaw_rate_rad_per_s,
-                ..twist
-            },
-            online: true,
-        };
-        let observation = Observation {
-            tick,
-            robots: &[seen],
-            bodies: &bodies,
-            arena_m: [scenario.arena.width_m, scenario.arena.height_m],
-            targets: &targets,
-            parameters: &parameters,
-        };
-        let mut demands = [Demand::default()];
-        law.step(&observation, &mut demands);
-        twist = demands[0].twist;
-        finished = demands[0].finished;
-        rest = if finished { rest + 1 } else { 0 };
-        if rest > control::team::REST_TICKS {
-            break;
-        }
-        let period_s = 1.0 / TICK_HZ;
-        let yaw = pose[2] + 0.5 * twist.yaw_rate_rad_per_s * period_s;
-        let left = twist.left_m_per_s - axle_x_m * twist.yaw_rate_rad_per_s;
-        pose[0] += period_s * (twist.forward_m_per_s * yaw.cos() - left * yaw.sin());
-        pose[1] += period_s * (twist.forward_m_per_s * yaw.sin() + left * yaw.cos());
-        pose[2] += period_s * twist.yaw_rate_rad_per_s;
-    }
-    Ok((tally.figures(finished), poses))
+    ideal.poses.iter().for_each(|pose| tally.add([pose[0], pose[1]]));
+    Ok((tally.figures(ideal.finished), ideal))
 }
 
 /// Sums of a run.

@@ -1,7 +1,7 @@
 //! A, A+, B and C of one chassis on one floor.
 
 use super::course::{Course, Setting};
-use super::drive::{Correction, Figures, ideal, on_plant, on_twin, time_rms_m};
+use super::drive::{Correction, Figures, ideal, on_plant, on_twin};
 use super::floor;
 use super::learned::{Case, Gap, learned};
 use super::settings::{grid, is_steered};
@@ -127,7 +127,7 @@ pub fn run(
         let drive = |setting: &Setting, correction: Correction| -> Result<Figures> {
             let driven = on_plant(chassis, course, setting, &hidden, case.seed + 700 + round, &correction)?;
             let mut figures = driven.figures;
-            figures.time_rms_m = Some(time_rms_m(&driven.poses, &reference));
+            figures.time_rms_m = Some(reference.time_rms_m(&driven.poses, 1));
             Ok(figures)
         };
         done.push(Round {

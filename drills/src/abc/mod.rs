@@ -2,7 +2,6 @@
 
 pub mod course;
 pub mod drive;
-pub mod error;
 pub mod experiment;
 pub mod floor;
 pub mod learned;

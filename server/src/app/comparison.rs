@@ -18,6 +18,7 @@ use sha2::{Digest as _, Sha256};
 use std::sync::Arc;
 use std::time::Duration;
 use store::FileRecord;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::timeout;
 use twin::model_document::ModelDocument;
 
@@ -51,14 +52,7 @@ pub async fn compare(
         let remedy = "fetch the run and compare on your own machine with `robopheus simulate`";
         return Err(invalid(CODE, "run", message, limit, remedy));
     }
-    let gate = Arc::clone(state.comparison_gate());
-    let turn = timeout(TURN_LIMIT, gate.acquire_owned()).await;
-    let Ok(Ok(turn)) = turn else {
-        return Err(AppError::Conflict {
-            code: "comparison_busy",
-            detail: "other comparisons are being computed; try again in a few seconds".to_owned(),
-        });
-    };
+    let turn = turn(state.comparison_gate(), TURN_LIMIT).await?;
     let objects = state.objects().clone();
     let computing = tokio::task::spawn_blocking(move || {
         // The caller may have gone; the next comparison still waits for this one.
@@ -68,6 +62,17 @@ pub async fn compare(
     computing
         .await
         .map_err(|panic| AppError::Internal(format!("the comparison panicked: {panic}")))?
+}
+
+/// Waits for a turn to compute, no longer than the limit.
+async fn turn(gate: &Arc<Semaphore>, limit: Duration) -> Result<OwnedSemaphorePermit, AppError> {
+    match timeout(limit, Arc::clone(gate).acquire_owned()).await {
+        Ok(Ok(turn)) => Ok(turn),
+        _ => Err(AppError::Conflict {
+            code: "comparison_busy",
+            detail: "other comparisons are being computed; try again in a few seconds".to_owned(),
+        }),
+    }
 }
 
 /// A model by version or id; none is the nominal twin.
@@ -223,5 +228,26 @@ fn view(run: &RunView, robot: &str, [first, second]: [ComparedModel; 2], found: 
                 second_m: moment.second_m,
             })
             .collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[tokio::test]
+    async fn whoever_waits_too_long_for_a_turn_is_told_so_and_gets_one_afterwards() {
+        let gate = Arc::new(Semaphore::new(1));
+        let short = Duration::from_millis(20);
+        let first = turn(&gate, short).await.expect("nobody else computes");
+        match turn(&gate, short).await {
+            Err(AppError::Conflict { code, detail }) => {
+                assert_eq!(code, "comparison_busy");
+                assert!(detail.contains("try again"), "{detail}");
+            }
+            other => panic!("{other:?}"),
+        }
+        drop(first);
+        assert!(turn(&gate, short).await.is_ok());
     }
 }

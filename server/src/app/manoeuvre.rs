@@ -108,6 +108,7 @@ impl Way {
                 law: "waypoints".to_owned(),
                 parameters: json!({"speed_m_per_s": self.speed_m_per_s}),
                 interaction: None,
+                feedback_alone: false,
             },
             targets: self.places.iter().skip(1).map(target).collect(),
             duration_s: self.duration_s(),

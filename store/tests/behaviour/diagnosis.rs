@@ -214,12 +214,21 @@ async fn the_same_document_is_one_version_and_submissions_keep_the_model_of_thei
         kept["omni-01"], model.document,
         "the model of its time, although it was taken back since"
     );
+    let shown = async |run| world.store.run_get(run).await.unwrap().unwrap().models;
+    assert!(shown(before).await.is_empty());
+    assert_eq!(
+        shown(after).await["omni-01"],
+        "omni-01/2",
+        "a run says by which version"
+    );
     let mut named = submission("ada");
     named.experiment.model = Some("omni-01/1".to_owned());
     let Submitted::Created(view) = world.store.experiment_submit(named).await.unwrap() else {
         panic!("not stored")
     };
     assert_eq!(models(view.run_id).await["omni-01"]["id"], json!(format!("{:064x}", 1)));
+    let listed = world.store.run_list(1, None).await.unwrap();
+    assert_eq!(listed[0].models["omni-01"], "omni-01/1");
 }
 
 #[tokio::test]

@@ -2,6 +2,9 @@
 
 use egui::Color32;
 
+/// Colours of robots; they repeat after so many.
+pub const ROBOT_INKS: usize = 6;
+
 /// Colours by meaning.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Palette {
@@ -31,12 +34,13 @@ pub struct Palette {
     pub physical: Color32,
     /// The +-75 mm band around a path.
     pub band: Color32,
-    robots: [Color32; 6],
+    robots: [Color32; ROBOT_INKS],
 }
 
 /// What a coloured word or mark means.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Tone {
+    #[default]
     Neutral,
     Active,
     Good,

@@ -26,6 +26,13 @@ pub fn millimetres(value_m: f64) -> String {
     signed(format!("{:.0} mm", value_m * 1000.0))
 }
 
+/// For distances that may be far below a centimetre: one decimal there.
+pub fn fine_millimetres(value_m: f64) -> String {
+    let value_mm = value_m * 1000.0;
+    let decimals = usize::from(value_mm.abs() < 9.95);
+    signed(format!("{value_mm:.decimals$} mm"))
+}
+
 pub fn degrees(value_rad: f64) -> String {
     signed(format!("{:.0}\u{b0}", value_rad.to_degrees()))
 }
@@ -51,6 +58,11 @@ pub fn seconds(value_s: f64) -> String {
         let whole = value_s.round() as u64;
         format!("{} min {:02} s", whole / 60, whole % 60)
     }
+}
+
+/// A short time: `0.30 s`.
+pub fn fine_seconds(value_s: f64) -> String {
+    format!("{value_s:.2} s")
 }
 
 /// A moment of a replay: `0:04.2`.

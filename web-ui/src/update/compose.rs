@@ -2,6 +2,8 @@
 
 use super::refusal::decode;
 use crate::command::{Answer, Command, Effect, Event, Request};
+use crate::correction::{self, Correction};
+use crate::paper_path;
 use crate::parameters;
 use crate::scenario::scenario_json;
 use crate::state::{Page, Playback, Refusal, State, Submission, Template, TwinResult, TwinStatus};
@@ -22,13 +24,18 @@ pub fn command(state: &mut State, command: Command) -> Vec<Effect> {
             state.compose.label = label.chars().take(super::LABEL_MAX).collect();
             new_document(state);
         }
+        Command::PutOnPath(robot) => put_on_path(state, &robot),
         Command::CopyDocument => {
             super::note(state, "The experiment was copied to the clipboard.".to_owned());
             return vec![Effect::CopyText(document_json(state))];
         }
         Command::Submit => return submit(state),
         other => {
+            let was_labelled = state.compose.label == usual_label(state);
             if change_experiment(state, other) {
+                if was_labelled {
+                    state.compose.label = usual_label(state);
+                }
                 state.compose.edited = true;
                 rehearse_soon(state);
             }
@@ -49,10 +56,33 @@ fn choose_template(state: &mut State, template: Template) {
     compose.template = template;
     compose.edited = false;
     compose.experiment = template.experiment();
-    compose.label = template.title().to_owned();
     compose.playback = Playback::default();
     compose.twin.result = None;
     super::program::forget(state);
+    state.compose.label = usual_label(state);
+    rehearse_soon(state);
+}
+
+/// The label that an experiment has until somebody gives it another one.
+fn usual_label(state: &State) -> String {
+    let compose = &state.compose;
+    match (compose.template, Correction::of(&compose.experiment)) {
+        (Template::PaperPath, Correction::Nothing) => "Paper's path, A: feedback alone".to_owned(),
+        (Template::PaperPath, Correction::Delay) => "Paper's path, delay compensation".to_owned(),
+        (Template::PaperPath, Correction::Model) => "Paper's path, C: corrected by the model".to_owned(),
+        (template, _) => template.title().to_owned(),
+    }
+}
+
+/// The paper's path with another robot, under the correction that was chosen; its label follows.
+fn put_on_path(state: &mut State, robot: &str) {
+    let Some(mut experiment) = state.lab.robot(robot).map(paper_path::on) else {
+        return;
+    };
+    Correction::of(&state.compose.experiment).write(&mut experiment);
+    state.compose.experiment = experiment;
+    state.compose.edited = false;
+    state.compose.twin.result = None;
     rehearse_soon(state);
 }
 
@@ -66,7 +96,14 @@ fn change_experiment(state: &mut State, command: Command) -> bool {
         Command::SetDuration { duration_s } => {
             experiment.duration_s = duration_s.clamp(*DURATION_S.start(), *DURATION_S.end())
         }
-        Command::SetMode(mode) => experiment.mode = mode,
+        Command::SetMode(mode) => correction::set_mode(experiment, mode),
+        Command::SetCorrection(chosen) => chosen.write(experiment),
+        Command::SetHorizon { horizon_s } => {
+            let [least_s, _, most_s] = correction::HORIZON_S;
+            if let Some(asked) = &mut experiment.control.interaction {
+                asked.horizon_s = (horizon_s.clamp(least_s, most_s) * 100.0).round() / 100.0;
+            }
+        }
         Command::SetSeed(seed) => experiment.seed = seed,
         Command::SetParameter { key, value } => parameters::set(experiment, key, value),
         Command::ResetParameters => experiment.control.parameters = serde_json::json!({}),

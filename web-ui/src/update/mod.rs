@@ -1,5 +1,6 @@
 //! The only code that changes [`State`]. Pure: no browser, no clock, no drawing.
 
+mod comparison;
 mod compose;
 mod gap;
 mod live;
@@ -11,6 +12,7 @@ mod refusal;
 mod run;
 mod stop;
 mod team;
+pub use comparison::{leads_along_a_path, peers};
 pub use compose::{DURATION_S, document_json, field_problems, submit_obstacle};
 pub use gap::start_obstacle;
 pub use models::{compare_obstacle, compared, run_of as compared_run, shown, use_obstacle};
@@ -62,6 +64,10 @@ pub fn command(state: &mut State, command: Command) -> Vec<Effect> {
             run::open(state, id);
             show_page(state, Page::Run)
         }
+        Command::ShowRunSide(side) => {
+            comparison::show_side(state, side);
+            Vec::new()
+        }
         Command::Download { url, file_name } => vec![Effect::Download { url, file_name }],
         Command::Gap(command) => gap::command(state, command),
         Command::Models(command) => models::command(state, command),
@@ -110,6 +116,7 @@ pub fn tick(state: &mut State, clock: Clock) -> Vec<Effect> {
     run::choose_default(state);
     gap::choose_default(state);
     models::choose_default(state);
+    comparison::advance(state);
     effects.extend(polling::due(state));
     effects
 }
@@ -219,6 +226,8 @@ fn push_toast(state: &mut State, text: String, error: bool) {
 
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod tests_comparison;
 #[cfg(test)]
 mod tests_gap;
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! Calls that repeat: what the server says about runs, robots and the arena.
 
 use super::refusal::decode;
-use super::{gap, models, run};
+use super::{comparison, gap, models, run};
 use crate::command::{Answer, Effect, Request};
 use crate::state::{Page, State};
 use api::arena::ArenaView;
@@ -30,6 +30,7 @@ pub fn due(state: &mut State) -> Vec<Effect> {
     ];
     wanted.push((Request::Models, LAB_EVERY_S));
     wanted.extend(run::wanted(state));
+    wanted.extend(comparison::wanted(state));
     wanted.extend(gap::wanted(state));
     wanted.extend(models::wanted(state));
     let mut effects = Vec::new();

@@ -8,7 +8,7 @@ use api::verdict::Replay;
 use uuid::Uuid;
 
 const VIEW_EVERY_S: f64 = 1.0;
-const FILE_RETRY_S: f64 = 2.0;
+pub(super) const FILE_RETRY_S: f64 = 2.0;
 pub const REPLAY_FILE: &str = "replay.json";
 pub const TRACK_FILE: &str = "track.json";
 
@@ -65,7 +65,7 @@ fn recordings_settled(run: &Run) -> bool {
         && !matches!(run.physical, Recording::Unknown | Recording::Loading)
 }
 
-fn has_file(view: &RunView, name: &str) -> bool {
+pub(super) fn has_file(view: &RunView, name: &str) -> bool {
     view.files.iter().any(|f| f.name == name)
 }
 
@@ -116,9 +116,11 @@ pub fn replay_answered(state: &mut State, id: Uuid, answer: Answer) {
 }
 
 pub fn track_answered(state: &mut State, id: Uuid, answer: Answer) {
+    let recording = recording(answer);
     if state.run.selected == Some(id) {
-        state.run.physical = recording(answer);
+        state.run.physical = recording.clone();
     }
+    super::comparison::track_answered(state, id, recording);
 }
 
 fn recording(answer: Answer) -> Recording {

@@ -1,7 +1,8 @@
 //! What the Compose page shows.
 
 use crate::arena_view::{Ink, Scene, SceneRobot, Shape, Trail};
-use crate::error_measure::{path, pose_at, robot};
+use crate::course::courses;
+use crate::error_measure::{pose_at, robot};
 use crate::pages::{notes, words};
 use crate::state::{State, Submission, TwinResult, TwinStatus};
 use crate::theme::{self, Tone};
@@ -13,9 +14,8 @@ pub fn scene(state: &State) -> Scene {
     let compose = &state.compose;
     let experiment = &compose.experiment;
     let mut scene = Scene::of_arena(state.lab.arena_or_reference(&experiment.arena));
-    scene.paths = (0..experiment.robots.len())
-        .filter_map(|index| path(experiment, index))
-        .collect();
+    let courses = courses(experiment, &state.lab).into_iter();
+    scene.paths = courses.flatten().map(|course| course.line).collect();
     let current = matches!(compose.twin.status, TwinStatus::Done);
     let result = compose.twin.result.as_ref();
     for (index, named) in experiment.robots.iter().enumerate() {

@@ -1,5 +1,6 @@
 //! The Compose page: what is shown (`data`) and how (`ui`).
 
+mod correction;
 pub mod data;
 pub mod editor;
 mod handles;

@@ -1,5 +1,6 @@
 //! The panel at the left of the Compose page.
 
+use super::correction;
 use crate::command::{Command, ProgramCommand};
 use crate::output::Output;
 use crate::pages::{parts, words};
@@ -66,9 +67,10 @@ fn templates(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette)
             .text_style(egui::TextStyle::Small)
             .color(palette.faint_ink),
     );
+    correction::steps(ui, state, output, palette);
 }
 
-fn row(ui: &mut Ui, palette: &Palette, name: &str, hint: &str, content: impl FnOnce(&mut Ui)) {
+pub(super) fn row(ui: &mut Ui, palette: &Palette, name: &str, hint: &str, content: impl FnOnce(&mut Ui)) {
     ui.horizontal(|ui| {
         let size = vec2(NAME_WIDTH, theme::CONTROL_HEIGHT);
         let label = ui.allocate_ui_with_layout(size, Layout::left_to_right(Align::Center), |ui| {
@@ -130,6 +132,7 @@ fn experiment(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette
             }
         }
     });
+    correction::choice(ui, state, output, palette);
     row(
         ui,
         palette,

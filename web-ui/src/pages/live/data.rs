@@ -1,7 +1,7 @@
 //! What the Live page shows.
 
 use crate::arena_view::{Ink, Scene, SceneRobot, Shape, Trail};
-use crate::error_measure::path;
+use crate::course::courses;
 use crate::pages::words;
 use crate::state::State;
 use crate::theme::{self, Tone};
@@ -32,9 +32,8 @@ pub fn run(state: &State) -> Option<&RunView> {
 pub fn scene(state: &State, run: &RunView) -> Scene {
     let experiment = &run.experiment;
     let mut scene = Scene::of_arena(state.lab.arena_or_reference(&experiment.arena));
-    scene.paths = (0..experiment.robots.len())
-        .filter_map(|index| path(experiment, index))
-        .collect();
+    let courses = courses(experiment, &state.lab).into_iter();
+    scene.paths = courses.flatten().map(|course| course.line).collect();
     scene.add_targets(experiment);
     let Some(last) = state.live.frames.back() else {
         return scene;

@@ -1,7 +1,8 @@
 //! What the Run page shows.
 
 use crate::arena_view::{Ink, Scene, SceneRobot, Shape, Trail};
-use crate::error_measure::{BAND_M, gap_m, path, path_errors_m, pose_at, robot};
+use crate::course::{Course, courses};
+use crate::error_measure::{BAND_M, gap_m, pose_at, robot};
 use crate::net;
 use crate::pages::{notes, words};
 use crate::state::{Recording, State};
@@ -76,9 +77,8 @@ fn replay_of_live(frames: &VecDeque<LiveFrame>) -> Option<Replay> {
 pub fn scene(state: &State, view: &RunView) -> Scene {
     let experiment = &view.experiment;
     let mut scene = Scene::of_arena(state.lab.arena_or_reference(&experiment.arena));
-    scene.paths = (0..experiment.robots.len())
-        .filter_map(|index| path(experiment, index))
-        .collect();
+    let courses = courses(experiment, &state.lab).into_iter();
+    scene.paths = courses.flatten().map(|course| course.line).collect();
     scene.add_targets(experiment);
     let measured = physical(state);
     let time_s = state.run.playback.time_s;
@@ -140,7 +140,8 @@ pub fn series(state: &State, view: &RunView) -> Vec<Series> {
     let mut series = Vec::new();
     let measured = physical(state);
     let single = view.experiment.robots.len() == 1;
-    for (index, named) in view.experiment.robots.iter().enumerate() {
+    let courses = courses(&view.experiment, &state.lab);
+    for ((index, named), course) in view.experiment.robots.iter().enumerate().zip(&courses) {
         let title = |what: &str| {
             if single {
                 what.to_owned()
@@ -156,7 +157,7 @@ pub fn series(state: &State, view: &RunView) -> Vec<Series> {
         let real = measured
             .as_ref()
             .and_then(|(r, _)| Some((robot(r, &named.name)?, r.period_s)));
-        if let Some(path) = path(&view.experiment, index) {
+        if let Some(course) = course {
             for (recorded, ink, dashed, what) in [
                 (twin, Ink::Twin, true, "Twin to path"),
                 (real, Ink::Robot(index), false, "Measured to path"),
@@ -166,7 +167,7 @@ pub fn series(state: &State, view: &RunView) -> Vec<Series> {
                         name: title(what),
                         ink,
                         dashed,
-                        points: to_path(&path, recorded, period_s),
+                        points: to_path(course, recorded, period_s),
                     });
                 }
             }
@@ -185,8 +186,9 @@ pub fn series(state: &State, view: &RunView) -> Vec<Series> {
     series
 }
 
-fn to_path(path: &[[f64; 2]], recorded: &ReplayRobot, period_s: f64) -> Vec<[f64; 2]> {
-    path_errors_m(path, recorded.poses.iter().map(|p| [p[0], p[1]]))
+fn to_path(course: &Course, recorded: &ReplayRobot, period_s: f64) -> Vec<[f64; 2]> {
+    let (errors_m, _) = course.errors_m(recorded.poses.iter().map(|p| [p[0], p[1]]));
+    errors_m
         .into_iter()
         .enumerate()
         .map(|(frame, error_m)| [frame as f64 * period_s, error_m * 1000.0])
@@ -194,8 +196,8 @@ fn to_path(path: &[[f64; 2]], recorded: &ReplayRobot, period_s: f64) -> Vec<[f64
 }
 
 /// The band belongs to a path; without one only the gap is shown.
-pub fn has_path(view: &RunView) -> bool {
-    (0..view.experiment.robots.len()).any(|index| path(&view.experiment, index).is_some())
+pub fn has_path(state: &State, view: &RunView) -> bool {
+    courses(&view.experiment, &state.lab).iter().any(Option::is_some)
 }
 
 pub const fn band_mm() -> f64 {

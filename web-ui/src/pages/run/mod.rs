@@ -1,4 +1,5 @@
 //! The Run page: what is shown (`data`) and how (`ui`).
 
+pub mod comparison;
 pub mod data;
 pub mod ui;

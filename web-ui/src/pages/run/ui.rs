@@ -1,11 +1,11 @@
 //! How the Run page looks: facts at the left, measured motion and twin on one floor, errors over time below.
 
-use super::data;
+use super::{comparison, data};
 use crate::arena_view::{self, colour};
 use crate::command::Command;
 use crate::output::Output;
 use crate::pages::{notes, parts, queue, words};
-use crate::state::{Page, State};
+use crate::state::{Page, RunSide, State};
 use crate::theme::{self, Palette, Tone};
 use crate::update;
 use api::run::{RunState, RunView};
@@ -43,10 +43,23 @@ pub fn show(ui: &mut Ui, state: &State, output: &mut Output, palette: &Palette) 
     CentralPanel::default()
         .frame(ground.inner_margin(Margin::symmetric(theme::PAGE_MARGIN, 6)))
         .show(ui, |ui| {
-            motion(ui, state, view, output, palette);
+            centre(ui, state, view, output, palette);
         });
     if let Some(run) = state.queue.cancel_asked {
         queue::ui::confirm(ui, state, run, output, palette);
+    }
+}
+
+fn centre(ui: &mut Ui, state: &State, view: &RunView, output: &mut Output, palette: &Palette) {
+    let leads = update::leads_along_a_path(view);
+    if leads && view.state.is_terminal() {
+        comparison::ui::head(ui, state, output, palette);
+    }
+    match state.comparison.side {
+        RunSide::Comparison if leads && view.state.is_terminal() => {
+            comparison::ui::show(ui, state, output, palette);
+        }
+        _ => motion(ui, state, view, output, palette),
     }
 }
 
@@ -215,23 +228,27 @@ fn motion(ui: &mut Ui, state: &State, view: &RunView, output: &mut Output, palet
     let duration_s = recordings.into_iter().flatten().fold(0.0, f64::max);
     parts::playback_bar(ui, output, &state.run.playback, duration_s, "run");
     if !series.is_empty() {
-        plot_legend(ui, view, &series, palette);
+        plot_legend(ui, state, view, &series, palette);
         plot(ui, state, view, series, output, palette);
     }
 }
 
 /// Names and figures of the lines, above the plot where they hide nothing.
-fn plot_legend(ui: &mut Ui, view: &RunView, series: &[data::Series], palette: &Palette) {
+fn plot_legend(ui: &mut Ui, state: &State, view: &RunView, series: &[data::Series], palette: &Palette) {
     ui.horizontal_wrapped(|ui| {
         for item in series {
             sample(ui, colour(item.ink, palette), item.dashed);
             let figures = data::largest_and_rms_mm(&item.points).map_or_else(String::new, |(largest, rms)| {
-                format!(": at most {largest:.0} mm, RMS {rms:.0} mm")
+                format!(
+                    ": at most {}, RMS {}",
+                    theme::fine_millimetres(largest / 1000.0),
+                    theme::fine_millimetres(rms / 1000.0)
+                )
             });
             ui.label(RichText::new(format!("{}{figures}", item.name)).size(13.0));
             ui.add_space(theme::GAP);
         }
-        if data::has_path(view) {
+        if data::has_path(state, view) {
             sample(ui, palette.good, true);
             ui.label(RichText::new("band \u{b1}75 mm (30 px)").size(13.0));
         }
@@ -265,7 +282,7 @@ fn sample(ui: &mut Ui, ink: egui::Color32, dashed: bool) {
 }
 
 fn plot(ui: &mut Ui, state: &State, view: &RunView, series: Vec<data::Series>, output: &mut Output, palette: &Palette) {
-    let with_band = data::has_path(view);
+    let with_band = data::has_path(state, view);
     let band_mm = data::band_mm();
     let now_s = state.run.playback.time_s;
     let plot = Plot::new("run errors")

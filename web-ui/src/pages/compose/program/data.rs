@@ -23,6 +23,7 @@ pub fn numbers(state: &State) -> Vec<Number> {
         law: experiment.control.law.clone(),
         parameters: experiment.control.parameters.clone(),
         interaction: None,
+        feedback_alone: false,
     };
     let mut numbers: Vec<Number> = given_numbers(&control)
         .into_iter()

@@ -1,6 +1,7 @@
 //! How far a robot is from its path: distance to the active piece, with monotone progress.
 
-use control::law::Piece;
+use crate::law::Piece;
+use crate::vector::{dot, length, scale, sub};
 
 /// Within this of its end a piece is passed as soon as the next one is no further away.
 const NEAR_END_M: f64 = 0.05;
@@ -19,6 +20,7 @@ pub struct PathError {
 }
 
 impl PathError {
+    /// - `pieces`: as [`crate::law::path`] gives them.
     pub fn new(pieces: &[Piece]) -> Self {
         let points = |piece: &Piece| {
             let parts = if piece.curvature_per_m == 0.0 { 1 } else { PARTS };
@@ -51,6 +53,11 @@ impl PathError {
         }
     }
 
+    /// The way as lines of points, one a piece, for drawing.
+    pub fn lines(&self) -> &[Vec<[f64; 2]>] {
+        &self.pieces
+    }
+
     /// Whether the last piece is active.
     pub fn is_last(&self) -> bool {
         self.active + 1 >= self.pieces.len()
@@ -61,15 +68,14 @@ impl PathError {
 fn nearest(points: &[[f64; 2]], here_m: [f64; 2]) -> (f64, f64, f64) {
     let (mut best, mut begun_m) = ((f64::INFINITY, 0.0), 0.0);
     for (from, to) in points.iter().zip(points.iter().skip(1)) {
-        let along = [to[0] - from[0], to[1] - from[1]];
-        let here = [here_m[0] - from[0], here_m[1] - from[1]];
-        let length_m = along[0].hypot(along[1]);
+        let (along, here) = (sub(*to, *from), sub(here_m, *from));
+        let length_m = length(along);
         let share = if length_m > 0.0 {
-            ((here[0] * along[0] + here[1] * along[1]) / (length_m * length_m)).clamp(0.0, 1.0)
+            (dot(here, along) / (length_m * length_m)).clamp(0.0, 1.0)
         } else {
             0.0
         };
-        let distance_m = (here[0] - share * along[0]).hypot(here[1] - share * along[1]);
+        let distance_m = length(sub(here, scale(along, share)));
         if distance_m < best.0 {
             best = (distance_m, begun_m + share * length_m);
         }
@@ -81,7 +87,7 @@ fn nearest(points: &[[f64; 2]], here_m: [f64; 2]) -> (f64, f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use control::law::Place;
+    use crate::law::Place;
 
     fn straight(from: [f64; 2], yaw_rad: f64, length_m: f64) -> Piece {
         Piece {
@@ -111,7 +117,7 @@ mod tests {
             ..straight([0.0, 0.0], 0.0, 0.0)
         };
         let angle = std::f64::consts::FRAC_PI_4;
-        let at = |radius_m: f64| [radius_m * angle.sin(), 0.5 - radius_m * angle.cos()];
+        let at = |radius_m: f64| [radius_m * libm::sin(angle), 0.5 - radius_m * libm::cos(angle)];
         assert!((PathError::new(&[arc]).at(at(0.6)) - 0.1).abs() < 1e-4);
     }
 }
