@@ -149,7 +149,8 @@ async fn what_cannot_be_compared_is_refused_with_field_limit_and_remedy() {
     // More than a page can wait for is left to the reader's own machine.
     let large = i64::from(128 << 20) + 1;
     for (bytes, status) in [(large, StatusCode::UNPROCESSABLE_ENTITY), (large / 3, StatusCode::OK)] {
-        let grow = format!("UPDATE run_files SET bytes = {bytes} WHERE run_id = '{run}' AND name LIKE '%telemetry.csv'");
+        let grow =
+            format!("UPDATE run_files SET bytes = {bytes} WHERE run_id = '{run}' AND name LIKE '%telemetry.csv'");
         service.database.try_execute(&grow).await.expect("grown");
         let response = compare(&service, &body(ROBOT, run, "nominal")).await;
         assert_eq!(response.status(), status, "{bytes} bytes");

@@ -44,7 +44,9 @@ async fn visit_models(browser: &Browser) -> anyhow::Result<()> {
     browser.click("nav.models").await?;
     let in_use = |seen: &Value, version: Option<&str>| {
         let models = &seen["state"]["models"];
-        let listed = models["versions"].as_array().is_some_and(|all| all.iter().any(|one| one == VERSION));
+        let listed = models["versions"]
+            .as_array()
+            .is_some_and(|all| all.iter().any(|one| one == VERSION));
         seen["page"] == "models" && models["robot"] == ROBOT && listed && models["in_use"].as_str() == version
     };
     browser
@@ -77,9 +79,13 @@ fn call_models(system: &System, run: &str) -> anyhow::Result<()> {
     let program = std::env::var_os("ROBOPHEUS_UP").map_or_else(std::env::current_exe, |path| Ok(path.into()))?;
     let call = |arguments: &[&str]| {
         let mut ancestors = program.ancestors().map(|folder| folder.join("robopheus"));
-        let own = ancestors.find(|path| path.is_file()).expect("the program is built beside the tests");
+        let own = ancestors
+            .find(|path| path.is_file())
+            .expect("the program is built beside the tests");
         let mut command = std::process::Command::new(own);
-        command.args(["--json", "--server", &system.base, "models"]).args(arguments);
+        command
+            .args(["--json", "--server", &system.base, "models"])
+            .args(arguments);
         command.env("HOME", &system.data).env("XDG_CONFIG_HOME", &system.data);
         command.output()
     };

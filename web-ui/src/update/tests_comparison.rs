@@ -256,7 +256,8 @@ fn tracks_are_bounded_and_the_run_under_feedback_alone_is_kept_among_them() {
     let other = run_json(50, &Template::SwapCorners.experiment());
     answered(&mut state, Request::Runs, &json!({"runs": [other]}));
     command(&mut state, Command::OpenRun(id(50)));
-    tick(&mut state, state.clock);
+    let clock = state.clock;
+    tick(&mut state, clock);
     assert!(state.comparison.tracks.is_empty() && state.comparison.found.is_empty());
     assert!(data::headline(&state).is_none() && data::rows(&state).is_empty());
 }
@@ -268,7 +269,8 @@ fn a_run_that_did_not_come_to_the_end_is_held_against_nothing() {
     let poses = half["robots"][0]["poses"].as_array_mut().expect("poses");
     poses.truncate(120);
     answered(&mut state, Request::Track(id(3)), &half);
-    tick(&mut state, state.clock);
+    let clock = state.clock;
+    tick(&mut state, clock);
     let headline = data::headline(&state).expect("told");
     assert!(
         headline.sentence.ends_with("did not come to the end."),
