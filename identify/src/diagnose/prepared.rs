@@ -125,55 +125,22 @@ pub(super) fn prepare(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::{Cell, PoseCell, Quantity};
+    use crate::record::Quantity;
+    use crate::record::made::{self, cell, pose};
 
     /// `cells` of the gyro while rolling and `poses` there, `wheels` of a wheel while driven.
     fn window(wheels: usize, cells: usize, poses: usize) -> Window {
-        let cell = |quantity: Quantity| Cell {
-            quantity,
-            time_s: 0.0,
-            measured: 0.0,
-            activity: 0.0,
-            samples: (0, 0),
-        };
-        let pose = PoseCell {
-            time_s: 0.0,
-            x_m: 0.0,
-            y_m: 0.0,
-            yaw_rad: 0.0,
-            samples: (0, 0),
-        };
-        Window {
-            start_s: 0.0,
-            from_s: 0.5,
-            to_s: 2.5,
-            elapsed_s: 0.0,
-            start: twin::free::Start::default(),
-            drive: Chain {
-                cells: vec![cell(Quantity::Wheel(0)); wheels],
-                ..Chain::default()
-            },
-            rolling: (cells + poses > 0).then(|| Chain {
-                cells: vec![cell(Quantity::Gyro); cells],
-                poses: vec![pose; poses],
-                ..Chain::default()
-            }),
-            wheel_angle_rad: Vec::new(),
-            load: Vec::new(),
-        }
+        let wheel = vec![cell(Quantity::Wheel(0), 0.0, 0.0); wheels];
+        made::window(
+            wheel,
+            vec![cell(Quantity::Gyro, 0.0, 0.0); cells],
+            vec![pose(0.0); poses],
+        )
     }
 
     #[test]
     fn rows_of_windows_are_those_that_the_windows_give() {
-        let record = Record {
-            name: "run".to_owned(),
-            windows: vec![window(3, 2, 1), window(4, 0, 0), window(1, 1, 2)],
-            input: None,
-            supply_ratio: 1.0,
-            largest_command_rad_per_s: 0.0,
-            outliers: 0,
-            skipped: 0,
-        };
+        let record = made::record(vec![window(3, 2, 1), window(4, 0, 0), window(1, 1, 2)]);
         let all: Vec<f64> = (0..record.len()).map(|k| k as f64).collect();
         assert_eq!(all.len(), 8 + 4 + 8);
         for (kept, expected) in [

@@ -429,43 +429,14 @@ impl Floor {
 mod tests {
     use super::*;
     use crate::random::Random;
-    use crate::record::{Cell, Chain, Quantity, Window};
+    use crate::record::Quantity;
+    use crate::record::made::series;
     use twin::effect::library::find;
-    use twin::free::Start;
 
     const CELLS: usize = 300;
 
     fn record() -> Record {
-        let cell = |k: usize| Cell {
-            quantity: Quantity::Gyro,
-            time_s: 0.05 * k as f64,
-            measured: 0.0,
-            activity: 0.0,
-            samples: (0, 0),
-        };
-        let window = Window {
-            start_s: 0.0,
-            from_s: 0.0,
-            to_s: 15.0,
-            elapsed_s: 0.0,
-            start: Start::default(),
-            drive: Chain {
-                cells: (0..CELLS).map(cell).collect(),
-                ..Chain::default()
-            },
-            rolling: None,
-            wheel_angle_rad: Vec::new(),
-            load: Vec::new(),
-        };
-        Record {
-            name: "reference".to_owned(),
-            windows: vec![window],
-            input: None,
-            supply_ratio: 1.0,
-            largest_command_rad_per_s: 0.0,
-            outliers: 0,
-            skipped: 0,
-        }
+        series(Quantity::Gyro, CELLS)
     }
 
     /// Two knobs, and residuals that depend on them linearly: calibrated on `kept`, from what is measured with the knobs at 0.

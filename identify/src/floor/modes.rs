@@ -221,45 +221,14 @@ mod tests {
     use super::*;
     use crate::floor::NoiseModel;
     use crate::random::Random;
-    use crate::record::{Cell, Chain, Window};
+    use crate::record::made::{self, cell, window};
 
     const TIMES: usize = 400;
 
     /// Two motors at the same times, nothing else.
     fn record() -> Record {
-        let cell = |wheel: usize, k: usize| Cell {
-            quantity: Quantity::Current(wheel),
-            time_s: 0.05 * k as f64,
-            measured: 0.0,
-            activity: 0.0,
-            samples: (0, 0),
-        };
-        let cells = (0..2)
-            .flat_map(|wheel| (0..TIMES).map(move |k| cell(wheel, k)))
-            .collect();
-        let window = Window {
-            start_s: 0.0,
-            from_s: 0.0,
-            to_s: 20.0,
-            elapsed_s: 0.0,
-            start: twin::free::Start::default(),
-            drive: Chain {
-                cells,
-                ..Chain::default()
-            },
-            rolling: None,
-            wheel_angle_rad: Vec::new(),
-            load: Vec::new(),
-        };
-        Record {
-            name: "pair".to_owned(),
-            windows: vec![window],
-            input: None,
-            supply_ratio: 1.0,
-            largest_command_rad_per_s: 0.0,
-            outliers: 0,
-            skipped: 0,
-        }
+        let of = |wheel| (0..TIMES).map(move |k| cell(Quantity::Current(wheel), 0.05 * k as f64, 0.0));
+        made::record(vec![window(of(0).chain(of(1)).collect(), Vec::new(), Vec::new())])
     }
 
     /// Motors that fight with 0.5 A in opposite directions and are off together by 0.02 A: a common change of 0.02 A on both is

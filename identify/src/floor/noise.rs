@@ -329,47 +329,14 @@ pub(super) fn correlation_of(series: &[Vec<f64>]) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// Cells of a gyro, not moving.
-    fn still(cells: usize) -> Record {
-        use crate::record::{Cell, Chain, Quantity, Window};
-        let cell = |k: usize| Cell {
-            quantity: Quantity::Gyro,
-            time_s: 0.05 * k as f64,
-            measured: 0.0,
-            activity: 0.0,
-            samples: (0, 0),
-        };
-        let window = Window {
-            start_s: 0.0,
-            from_s: 0.0,
-            to_s: 15.0,
-            elapsed_s: 0.0,
-            start: twin::free::Start::default(),
-            drive: Chain {
-                cells: (0..cells).map(cell).collect(),
-                ..Chain::default()
-            },
-            rolling: None,
-            wheel_angle_rad: Vec::new(),
-            load: Vec::new(),
-        };
-        Record {
-            name: "still".to_owned(),
-            windows: vec![window],
-            input: None,
-            supply_ratio: 1.0,
-            largest_command_rad_per_s: 0.0,
-            outliers: 0,
-            skipped: 0,
-        }
-    }
+    use crate::record::Quantity;
+    use crate::record::made::series;
 
     /// Slope of the surprise by one cell's residual is twice its robust weight times the residual, however far off the cell is.
     #[test]
     fn robust_weights_are_the_slopes_of_the_surprise() {
         let noise = NoiseModel::prior(&twin::golden::reference_robot("diff2"));
-        let record = still(3);
+        let record = series(Quantity::Gyro, 3);
         let residual = [0.001, -0.02, 0.7];
         let weights = noise.robust_weighting(&record, &residual).weights;
         for k in 0..3 {
@@ -393,7 +360,7 @@ mod tests {
     fn a_yardstick_is_what_half_of_the_cells_exceed() {
         let stated = NoiseModel::prior(&twin::golden::reference_robot("diff2"));
         let level = |residual: Vec<f64>| {
-            let record = still(residual.len());
+            let record = series(Quantity::Gyro, residual.len());
             let class = stated.clone().at_least(&[record], &[residual]).classes[4];
             class.level / stated.classes[4].level
         };

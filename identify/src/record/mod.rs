@@ -9,6 +9,8 @@
 mod build;
 mod cell_shares;
 mod input;
+#[cfg(test)]
+pub(crate) mod made;
 mod quantity;
 mod simulate;
 
@@ -309,70 +311,30 @@ impl Record {
 
 #[cfg(test)]
 mod tests {
+    use super::made::{cell, pose, record, window};
     use super::*;
-
-    fn window(cells: &[(Quantity, f64, f64)], poses_s: &[f64]) -> Window {
-        let cell = |(quantity, time_s, activity): &(Quantity, f64, f64)| Cell {
-            quantity: *quantity,
-            time_s: *time_s,
-            measured: 0.0,
-            activity: *activity,
-            samples: (0, 0),
-        };
-        let pose = |time_s: &f64| PoseCell {
-            time_s: *time_s,
-            x_m: 0.0,
-            y_m: 0.0,
-            yaw_rad: 0.0,
-            samples: (0, 0),
-        };
-        Window {
-            start_s: 0.0,
-            from_s: 0.5,
-            to_s: 2.5,
-            elapsed_s: 0.0,
-            start: twin::free::Start::default(),
-            drive: Chain {
-                cells: cells.iter().map(cell).collect(),
-                ..Chain::default()
-            },
-            rolling: Some(Chain {
-                poses: poses_s.iter().map(pose).collect(),
-                ..Chain::default()
-            }),
-            wheel_angle_rad: Vec::new(),
-            load: Vec::new(),
-        }
-    }
-
-    fn record(windows: Vec<Window>) -> Record {
-        Record {
-            name: "run".to_owned(),
-            windows,
-            input: None,
-            supply_ratio: 1.0,
-            largest_command_rad_per_s: 0.0,
-            outliers: 0,
-            skipped: 0,
-        }
-    }
 
     /// The paths are laid upon each other: a slip between the third and the fourth pose moves the first three by a quarter of what it is, the
     /// other way, and the last by three quarters; one before all poses moves none.
     #[test]
     fn poses_feel_a_slip_by_the_share_of_poses_on_its_other_side() {
-        let driven = [(Quantity::Wheel(1), 0.51, 20.0), (Quantity::Wheel(1), 2.0, 8.0)];
-        let slipped = record(vec![window(&driven, &[0.55, 1.0, 1.5, 2.2])]);
+        let wheel = Quantity::Wheel(1);
+        let driven = vec![cell(wheel, 0.51, 20.0), cell(wheel, 2.0, 8.0)];
+        let poses = [0.55, 1.0, 1.5, 2.2].map(pose).to_vec();
+        let slipped = record(vec![window(driven, Vec::new(), poses)]);
         let poses: Vec<f64> = slipped.activities()[2..].iter().step_by(3).copied().collect();
         assert_eq!(poses, [2.0, 2.0, 2.0, 6.0]);
     }
 
     #[test]
     fn the_harshest_wheel_counts_and_the_gyro_where_no_wheel_is_measured() {
-        let gyro = (Quantity::Gyro, 1.0, 30.0);
-        let wheels = [(Quantity::Wheel(0), 1.0, 4.0), (Quantity::Wheel(1), 1.0, 6.0), gyro];
-        let with = record(vec![window(&wheels, &[0.6, 1.2])]).activities();
-        let without = record(vec![window(&[gyro], &[0.6, 1.2])]).activities();
-        assert_eq!((with[3], without[1]), (3.0, 15.0));
+        let gyro = cell(Quantity::Gyro, 1.0, 30.0);
+        let wheels = vec![cell(Quantity::Wheel(0), 1.0, 4.0), cell(Quantity::Wheel(1), 1.0, 6.0)];
+        let of = |drive: Vec<Cell>| {
+            let first_pose = drive.len() + 1;
+            let poses = [0.6, 1.2].map(pose).to_vec();
+            record(vec![window(drive, vec![gyro], poses)]).activities()[first_pose]
+        };
+        assert_eq!((of(wheels), of(Vec::new())), (3.0, 15.0));
     }
 }
