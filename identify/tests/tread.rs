@@ -2,33 +2,11 @@
 
 mod plant;
 
-use identify::diagnose::calibrated;
-use identify::workers::Serial;
-use plant::replayed::of_the_twin;
-use plant::{Change, robot, run};
+use plant::replayed::calibration;
 use twin::tread::Tread;
 
 fn calibrated_tread(tread: Option<Tread>) -> Option<Tread> {
-    let description = robot("diff2");
-    let mut own = description.clone();
-    own.tread = tread;
-    let references: Vec<_> = (0..4)
-        .map(|k| {
-            let driven = run(
-                &format!("reference-{k}"),
-                &description,
-                &Change::none(),
-                800 + k,
-                20,
-                true,
-            );
-            of_the_twin(driven, own.clone(), k)
-        })
-        .collect();
-    calibrated(&Serial, &references, None)
-        .expect("calibrated")
-        .description
-        .tread
+    calibration("diff2", 800, |own| own.tread = tread).description.tread
 }
 
 #[test]

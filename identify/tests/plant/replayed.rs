@@ -1,8 +1,11 @@
 //! The twin's own data in place of the plant's.
 
+use super::{Change, robot, run};
 use emulator::noise::Noise;
 use identify::channel::Channel;
-use identify::diagnose::Run;
+use identify::diagnose::{Run, calibrated};
+use identify::hypothesis::Hypothesis;
+use identify::workers::Serial;
 use twin::pose::Pose;
 use twin::replay::{ReplayRow, replay};
 use twin::robot::{Robot, RobotDescription};
@@ -44,6 +47,27 @@ pub fn of_the_twin(mut run: Run, description: RobotDescription, seed: u64) -> Ru
         }
     }
     run
+}
+
+/// Calibrated on four runs of a `chassis` of the twin that differs from its description by `own`.
+pub fn calibration(chassis: &str, first_seed: u64, own: impl Fn(&mut RobotDescription)) -> Hypothesis {
+    let description = robot(chassis);
+    let mut changed = description.clone();
+    own(&mut changed);
+    let references: Vec<Run> = (0..4)
+        .map(|k| {
+            let driven = run(
+                &format!("reference-{k}"),
+                &description,
+                &Change::none(),
+                first_seed + k,
+                20,
+                true,
+            );
+            of_the_twin(driven, changed.clone(), k)
+        })
+        .collect();
+    calibrated(&Serial, &references, None).unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// Through a low-pass filter of first order.
