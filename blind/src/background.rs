@@ -34,10 +34,35 @@ pub fn robot(chassis: &str, stiff: bool) -> RobotDescription {
     description
 }
 
+/// Torque of a blocked motor, and the practical size of viscous friction.
+fn motor_sizes(robot: &RobotDescription) -> (f64, f64) {
+    let Some(motor) = &robot.motor else { return (0.0, 0.0) };
+    let constant = motor.gear_ratio * motor.torque_constant_n_m_per_a;
+    let stall_n_m = constant * limit_a(robot);
+    (stall_n_m, 0.05 * stall_n_m * constant / motor.supply_v)
+}
+
+fn limit_a(robot: &RobotDescription) -> f64 {
+    robot.motor.as_ref().map_or(0.0, |motor| {
+        let free = motor.supply_v / motor.resistance_ohm;
+        motor.current_limit_a.map_or(free, |limit| limit.min(free))
+    })
+}
+
+/// Resistance in which all motors at their limits lose the supply voltage once.
+fn full_load_ohm(robot: &RobotDescription) -> f64 {
+    let driven = robot.wheels.iter().filter(|wheel| wheel.driven).count().max(1) as f64;
+    robot
+        .motor
+        .as_ref()
+        .map_or(0.0, |motor| motor.supply_v / (driven * limit_a(robot)))
+}
+
 /// Everything a little off.
 pub fn background(seed: u64, robot: &RobotDescription) -> Change {
     let mut noise = Noise::new(seed, 99);
     let mut near = |size: f64| size * (2.0 * noise.uniform() - 1.0);
+    let (stall_n_m, practical_viscous) = motor_sizes(robot);
     let mut change = Change::default();
     let h = &mut change.hidden;
     h.mass_scale = 1.0 + near(0.05);
@@ -50,14 +75,14 @@ pub fn background(seed: u64, robot: &RobotDescription) -> Change {
     h.spring_stiffness_scale = (0..wheels).map(|_| 1.0 + near(0.1)).collect();
     h.torque_constant_scale = (0..wheels).map(|_| 1.0 + near(0.015)).collect();
     h.coulomb_scale = 1.0 + near(0.4);
-    h.cogging_n_m = 0.0003 + near(0.0003);
+    h.cogging_n_m = (0.000_06 + near(0.000_06)) * stall_n_m;
     h.half_backlash_rad = 0.0012 + near(0.0008);
-    h.battery_resistance_ohm = 0.02 + near(0.01);
+    h.battery_resistance_ohm = full_load_ohm(robot) * (0.006 + near(0.003));
     h.roller_drag = 0.002 + near(0.002);
     h.steering_play_rad = 0.0012 + near(0.001);
     let wear = &mut h.wear;
     wear.track_scale = 1.0 + near(0.008);
-    wear.viscous_n_m_s = 0.002 + near(0.002);
+    wear.viscous_n_m_s = practical_viscous * (0.3 + near(0.3));
     wear.steering_offset_rad = near(0.003);
     wear.steering_scale = 1.0 + near(0.008);
     wear.run_out = (0..wheels).map(|_| [0.0008 + near(0.0008), near(3.0)]).collect();
@@ -71,7 +96,7 @@ pub fn background(seed: u64, robot: &RobotDescription) -> Change {
     s.gyro_bias_rad_per_s = near(0.0015);
     s.gyro_scale = 1.0 + near(0.002);
     s.imu_yaw_rad = near(0.006);
-    s.current_bias_a = near(0.02);
+    s.current_bias_a = limit_a(robot) * near(0.0022);
     s.current_scale = 1.0 + near(0.008);
     s.marker = [near(0.003), near(0.0008), near(0.0008)];
     s.pose_scale = 1.0 + near(0.0008);

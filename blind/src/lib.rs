@@ -4,6 +4,7 @@
 pub mod background;
 pub mod bench;
 pub mod change;
+pub mod drawn_robot;
 pub mod drive;
 pub mod effects;
 pub mod firmware;

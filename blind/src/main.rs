@@ -3,7 +3,7 @@
 use anyhow::{Context, Result, bail, ensure};
 use blind::bench::{append, lines, run_set};
 use blind::kind::Kind;
-use blind::set::Wish;
+use blind::set::{Robots, Wish};
 use blind::table::markdown;
 use blind::truth::Vault;
 use clap::Parser;
@@ -28,6 +28,9 @@ struct Arguments {
     shard: String,
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Whose runs
+    #[arg(long, value_enum, default_value_t)]
+    robots: Robots,
     /// Only sets of this kind
     #[arg(long)]
     kind: Option<Kind>,
@@ -84,6 +87,7 @@ fn run(arguments: &Arguments, shard: u64, shards: u64, out: &std::path::Path) ->
         kind: arguments.kind,
         chassis: arguments.chassis.clone(),
         effect: arguments.effect.clone(),
+        robots: arguments.robots,
         ..Wish::standard()
     };
     if arguments.quick {

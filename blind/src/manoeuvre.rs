@@ -29,6 +29,8 @@ const RAMP_RAD_PER_S2: f64 = 6.0;
 const POOR_RAMP_M_PER_S2: f64 = 0.25;
 /// Most curvature that cars are asked for.
 const CURVATURE_PER_M: f64 = 1.7;
+/// Share of the speed at which an unloaded robot ends that is asked for.
+const FAST_SHARE: f64 = 0.75;
 /// Pieces that are looked at for each place.
 const CHOICES: usize = 16;
 
@@ -64,6 +66,16 @@ impl Piece {
     }
 }
 
+/// Speed of the rim at which the motors' voltage is used up.
+fn no_load_m_per_s(robot: &Robot) -> f64 {
+    let wheel = robot.description().wheels.iter().find(|wheel| wheel.driven);
+    let radius_m = wheel.and_then(|wheel| wheel.radius_m).unwrap_or(f64::INFINITY);
+    let motor = robot.description().motor.as_ref();
+    motor.map_or(f64::INFINITY, |motor| {
+        radius_m * motor.supply_v / (motor.gear_ratio * motor.torque_constant_n_m_per_a)
+    })
+}
+
 /// Draws one manoeuvre.
 fn piece(robot: &Robot, style: Style, noise: &mut Noise) -> Piece {
     let omni = robot.chassis() == "omni4";
@@ -76,7 +88,7 @@ fn piece(robot: &Robot, style: Style, noise: &mut Noise) -> Piece {
     if style == Style::Poor {
         return Piece::Swell([sided(0.1, 0.3), 0.0, 0.0]);
     }
-    let fast = if style == Style::Smooth { 0.7 } else { 1.6 };
+    let fast = (FAST_SHARE * no_load_m_per_s(robot)).min(if style == Style::Smooth { 0.7 } else { 1.6 });
     let turn = |u: f64, r: f64| if car { u * (r / 2.4 * CURVATURE_PER_M) } else { r };
     let u = sided(0.15, fast);
     let r = turn(u, sided(0.3, 2.4));

@@ -2,6 +2,7 @@
 
 use crate::background::{background, robot};
 use crate::change::Change;
+use crate::drawn_robot::{described, drawn_robot};
 use crate::drive::{RunStart, Trace, drive};
 use crate::effects::{Truth, applicable, apply, draw, wants_stiff_gears};
 use crate::fit::best;
@@ -29,6 +30,17 @@ pub struct Wish {
     pub seconds: u32,
     pub references: usize,
     pub runs: usize,
+    pub robots: Robots,
+}
+
+/// Whose runs they are.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum Robots {
+    /// Drawn for every set
+    #[default]
+    Drawn,
+    /// The reference robot of every chassis
+    Reference,
 }
 
 impl Wish {
@@ -51,6 +63,8 @@ pub struct Set {
     pub kind: Kind,
     pub chassis: String,
     pub robot: RobotDescription,
+    /// The same as run bundles describe it.
+    described: RobotDescription,
     pub truths: Vec<Truth>,
     pub unknown: Option<String>,
     pub wish: Wish,
@@ -106,7 +120,15 @@ impl Set {
         let name = effect_name(kind, seed, ordinal, wish)?;
         let chassis = chassis(name, wish, &mut noise)?;
         let stiff = name.is_some_and(wants_stiff_gears);
-        let robot = robot(&chassis, stiff);
+        let mut drawn = Noise::new(set_seed, 12);
+        let robot = match wish.robots {
+            Robots::Drawn => drawn_robot(&chassis, stiff, &mut drawn),
+            Robots::Reference => robot(&chassis, stiff),
+        };
+        let described = match wish.robots {
+            Robots::Drawn => described(&robot, &mut drawn),
+            Robots::Reference => robot.clone(),
+        };
         let base = background(set_seed, &robot);
         let mut changed = base.clone();
         let mut unknown_name = None;
@@ -143,6 +165,7 @@ impl Set {
             chassis,
             plant: serde_json::from_value(serde_json::to_value(&robot)?)?,
             robot,
+            described,
             truths,
             unknown: unknown_name,
             wish: wish.clone(),
@@ -203,7 +226,7 @@ impl Set {
     }
 
     fn measured(&self, path: &str, trace: &Trace, sensing: &Sensing, seed: u64, reference: bool) -> Result<Run> {
-        let texts = Texts::new(&self.robot, trace, sensing, seed, reference)?;
+        let texts = Texts::new(&self.described, &self.robot, trace, sensing, seed, reference)?;
         if let Some(folder) = &self.keep {
             texts.write(&folder.join(path))?;
         }

@@ -14,6 +14,8 @@ use twin::robot::RobotDescription;
 
 /// Ticks between the robot's own samples: 96 a second.
 const BOARD_TICKS: u32 = 5;
+/// Board samples from one of the battery's voltage to the next.
+const BUS_SAMPLES: u32 = 5;
 /// Variance share of the noise that has a memory, and that memory.
 const COLOURED_SHARE: f64 = 0.3;
 const COLOUR_S: f64 = 0.08;
@@ -53,21 +55,23 @@ pub struct Texts {
 impl Texts {
     /// What was measured in a run.
     ///
+    /// - `described`: the robot as the bundle describes it; `robot`: as it is, with the noise that its sensors have.
     /// - Errors: a description that JSON cannot hold.
     pub fn new(
-        description: &RobotDescription,
+        described: &RobotDescription,
+        robot: &RobotDescription,
         trace: &Trace,
         sensing: &Sensing,
         seed: u64,
         reference: bool,
     ) -> Result<Texts> {
-        let robot = serde_json::to_string(description)?;
+        let description = serde_json::to_string(described)?;
         let run_json = format!(
-            "{{\"format\":\"robopheus.run/1\",\"robot\":{robot},\"floor\":\"hall\",\"label\":\"blind\",\"started\":\"2026-01-01T00:00:00Z\",\"change_free_reference\":{reference}}}"
+            "{{\"format\":\"robopheus.run/1\",\"robot\":{description},\"floor\":\"hall\",\"label\":\"blind\",\"started\":\"2026-01-01T00:00:00Z\",\"change_free_reference\":{reference}}}"
         );
         Ok(Texts {
             run_json,
-            telemetry_csv: csv(description, trace, sensing, seed),
+            telemetry_csv: csv(robot, trace, sensing, seed),
         })
     }
 
@@ -154,6 +158,7 @@ struct Board<'a> {
     sensing: &'a Sensing,
     sigma: twin::robot::Noise,
     colours: Vec<Coloured>,
+    samples: u32,
 }
 
 impl<'a> Board<'a> {
@@ -166,6 +171,7 @@ impl<'a> Board<'a> {
             colours: (0..2 * robot::MAX_MOTORS + 5)
                 .map(|_| Coloured::new(period_s, noise))
                 .collect(),
+            samples: 0,
         }
     }
 
@@ -188,10 +194,15 @@ impl<'a> Board<'a> {
             let current = values.current_a[m] + next(sigma.current_a);
             let _ = write!(csv, ",{speed:.4},{:.4},{current:.4}", values.wheel_rad[m]);
         }
+        let bus_v = values.bus_v + next(sigma.bus_v);
+        let _ = match self.samples.is_multiple_of(BUS_SAMPLES) {
+            true => write!(csv, ",{bus_v:.3}"),
+            false => write!(csv, ","),
+        };
+        self.samples += 1;
         let _ = write!(
             csv,
-            ",{:.3},{:.5},{:.4},{:.4}",
-            values.bus_v + next(sigma.bus_v),
+            ",{:.5},{:.4},{:.4}",
             values.gyro_rad_per_s + next(sigma.gyro_rad_per_s),
             values.accel_m_per_s2[0] + next(sigma.accel_m_per_s2),
             values.accel_m_per_s2[1] + next(sigma.accel_m_per_s2)
