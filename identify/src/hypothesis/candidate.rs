@@ -288,11 +288,16 @@ fn step_sign(axis: &Axis, entry: &EffectEntry, robot: &RobotDescription) -> f64 
 
 /// Which chains can see an effect.
 fn stages(entry: &EffectEntry) -> Stages {
-    const BOTH_SIDES: [&str; 3] = ["encoder_scale", "steering_lag", "clock_offset"];
-    const POSE_ONLY: [&str; 10] = [
+    // What wheels do behind the servo is felt by the motors: they hold each other over the floor.
+    const BOTH_SIDES: [&str; 6] = [
+        "encoder_scale",
+        "steering_lag",
+        "clock_offset",
         "steering_offset",
         "steering_scale",
         "steering_backlash",
+    ];
+    const SEEN_FROM_OUTSIDE: [&str; 9] = [
         "localization_latency",
         "gyro_bias",
         "gyro_scale",
@@ -300,16 +305,13 @@ fn stages(entry: &EffectEntry) -> Stages {
         "lens_distortion",
         "marker_offset",
         "camera_seam",
+        "tag_height",
+        "rolling_shutter",
     ];
     if BOTH_SIDES.contains(&entry.name) {
         return Stages::BOTH;
     }
-    // Slow to simulate, and next to nothing of them shows in the drive chain.
-    const TYRE: [&str; 2] = ["longitudinal_slip", "lateral_slip"];
-    if TYRE.contains(&entry.name)
-        || POSE_ONLY.contains(&entry.name)
-        || ["tag_height", "rolling_shutter"].contains(&entry.name)
-    {
+    if SEEN_FROM_OUTSIDE.contains(&entry.name) {
         return Stages {
             drive: false,
             rolling: true,

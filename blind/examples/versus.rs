@@ -1,0 +1,97 @@
+//! Two explanations of one set beside each other: gains and energies by channel of the truth and of other effects, on the calibrated model.
+//!
+//! `cargo run --release -p blind --example versus -- SEED NUMBER [NAME[@WHEEL]:PARAMETER=VALUE[,PARAMETER=VALUE]]...`: a set of one effect, as
+//! `--kind single` numbers them.
+
+use blind::kind::Kind;
+use blind::set::{Set, Wish};
+use identify::diagnose::calibrated_floor;
+use identify::floor::knob_changes;
+use identify::hypothesis::Hypothesis;
+use identify::record::{CHANNELS, CLASSES, Record, Stages, residuals};
+use identify::screen::columns;
+use identify::workers::Serial;
+use twin::effect::Effect;
+
+/// An effect from its words.
+fn effect(text: &str) -> Option<Effect> {
+    let (name, parameters) = text.split_once(':')?;
+    let (name, index) = match name.split_once('@') {
+        Some((name, index)) => (name, Some(index.parse().ok()?)),
+        None => (name, None),
+    };
+    let values: Vec<(&str, f64)> = parameters
+        .split(',')
+        .map(|pair| {
+            let (name, value) = pair.split_once('=')?;
+            Some((name, value.parse().ok()?))
+        })
+        .collect::<Option<_>>()?;
+    let effect = Effect::new(name, &values);
+    Some(match index {
+        Some(index) => effect.at(index),
+        None => effect,
+    })
+}
+
+fn main() -> anyhow::Result<()> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    anyhow::ensure!(arguments.len() >= 2, "SEED NUMBER [NAME[@WHEEL]:PARAMETER=VALUE]...");
+    let wish = Wish {
+        kind: Some(Kind::Single),
+        ..Wish::standard()
+    };
+    let set = Set::new(arguments[0].parse()?, arguments[1].parse()?, &wish)?;
+    let driven = set.driven(0)?;
+    let floor = calibrated_floor(&Serial, &driven.references, None)?;
+    for (knob, (value, sigma)) in floor.knobs.iter().zip(floor.values.iter().zip(&floor.sigmas)) {
+        println!("  {} {value:.2} of {sigma:.2}", knob.label());
+    }
+    let mut rivals: Vec<(String, Option<Effect>)> = vec![("nothing".to_owned(), None)];
+    rivals.extend(
+        driven
+            .known
+            .iter()
+            .map(|known| (format!("truth {}", known.drawn.name), Some(known.drawn.effect()))),
+    );
+    rivals.extend(arguments[2..].iter().map(|text| (text.clone(), effect(text))));
+    let stages = vec![Stages::BOTH; floor.knobs.len()];
+    let records: Vec<Record> = driven
+        .runs
+        .iter()
+        .map(|run| Record::of(&run.path, &run.bundle))
+        .collect();
+    let simulated = |model: &Hypothesis| -> Vec<Vec<f64>> {
+        records
+            .iter()
+            .filter_map(|record| residuals(record, model, Stages::BOTH, None))
+            .collect()
+    };
+    let base = simulated(&floor.model);
+    let changes = knob_changes(&floor.model, &floor.knobs, &floor.values, &stages);
+    let sensitivities = columns(&Serial, &records, &base, &changes)?;
+    let metric = floor.metric(&records, &sensitivities);
+    let whole = |vectors: &[Vec<f64>]| {
+        let views: Vec<&[f64]> = vectors.iter().map(Vec::as_slice).collect();
+        metric.gram(&[views]).at(0, 0)
+    };
+    for (label, effect) in rivals {
+        let model = effect.map_or_else(|| floor.model.clone(), |effect| floor.model.with(effect));
+        let left = simulated(&model);
+        let mut sums = [(0.0, 0.0, 0.0); CLASSES];
+        for (run, record) in records.iter().enumerate() {
+            let rest = metric.rest(run, &left[run]);
+            for ((place, rest), plain) in record.places().iter().zip(rest).zip(&left[run]) {
+                if let Some(quantity) = place.quantity {
+                    let sum = &mut sums[quantity.class()];
+                    *sum = (sum.0 + rest * rest, sum.1 + plain * plain, sum.2 + 1.0);
+                }
+            }
+        }
+        println!("{label}: gain {:.0}", whole(&base) - whole(&left));
+        for (channel, (rest, plain, count)) in CHANNELS.iter().zip(sums) {
+            println!("    {channel:<9} weighed {rest:9.1}, plain {:.5}", (plain / f64::max(count, 1.0)).sqrt());
+        }
+    }
+    Ok(())
+}
