@@ -90,7 +90,10 @@ fn main() -> anyhow::Result<()> {
         }
         println!("{label}: gain {:.0}", whole(&base) - whole(&left));
         for (channel, (rest, plain, count)) in CHANNELS.iter().zip(sums) {
-            println!("    {channel:<9} weighed {rest:9.1}, plain {:.5}", (plain / f64::max(count, 1.0)).sqrt());
+            println!(
+                "    {channel:<9} weighed {rest:9.1}, plain {:.5}",
+                (plain / f64::max(count, 1.0)).sqrt()
+            );
         }
     }
     Ok(())

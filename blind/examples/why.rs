@@ -24,7 +24,11 @@ fn main() -> anyhow::Result<()> {
         for known in &driven.known {
             println!(
                 "  hidden {} {:?} {:?}, best {:?}, visible {:?}",
-                known.drawn.name, known.drawn.index, known.drawn.parameters, known.best.parameters, known.visible.ratios
+                known.drawn.name,
+                known.drawn.index,
+                known.drawn.parameters,
+                known.best.parameters,
+                known.visible.ratios
             );
         }
         let input = Input {
@@ -35,9 +39,18 @@ fn main() -> anyhow::Result<()> {
             seed: 1,
         };
         let report = diagnose(&Serial, &input)?.report;
-        println!("  {}: {}", serde_json::to_string(&report.verdict)?, report.place.sentence);
+        println!(
+            "  {}: {}",
+            serde_json::to_string(&report.verdict)?,
+            report.place.sentence
+        );
         for effect in &report.effects {
-            println!("  named {} {:?} {}", effect.name, effect.index, serde_json::to_string(&effect)?);
+            println!(
+                "  named {} {:?} {}",
+                effect.name,
+                effect.index,
+                serde_json::to_string(&effect)?
+            );
         }
         for absorbed in &report.absorbed {
             println!("  absorbed {}", serde_json::to_string(absorbed)?);

@@ -81,6 +81,8 @@ pub fn background(seed: u64, robot: &RobotDescription) -> Change {
     h.roller_drag = 0.002 + near(0.002);
     h.steering_play_rad = 0.0012 + near(0.001);
     let wear = &mut h.wear;
+    // A third of the treads hardly creep, as the nominal ones do not.
+    wear.creep_scale = (0.5 + near(0.75)).clamp(0.0, 1.0);
     wear.track_scale = 1.0 + near(0.008);
     wear.viscous_n_m_s = practical_viscous * (0.3 + near(0.3));
     wear.steering_offset_rad = near(0.003);

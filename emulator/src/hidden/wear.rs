@@ -28,6 +28,8 @@ pub struct Wear {
     pub side_friction_scale: f64,
     /// Slip ratio added to a wheel that carries all the force the floor allows.
     pub slip_ratio_at_full_force: f64,
+    /// How much a rolling tread creeps, over that of the reference rubber; 0: a tread so hard that it does not.
+    pub creep_scale: f64,
     /// Distances of the wheels from the middle; of omni wheels along both axes, of others to the side.
     pub track_scale: f64,
     /// Dry friction about the casters' swivel axes, and their trail.
@@ -55,6 +57,7 @@ impl Default for Wear {
             roller_viscous_n_s_per_m: 0.0,
             side_friction_scale: 1.0,
             slip_ratio_at_full_force: 0.0,
+            creep_scale: 1.0,
             track_scale: 1.0,
             swivel_n_m: 0.0,
             swivel_trail_m: 0.02,

@@ -153,6 +153,7 @@ impl Body {
                 roller_viscous_n_s_per_m: wear.roller_viscous_n_s_per_m,
                 side_friction_scale: wear.side_friction_scale,
                 slip_ratio_at_full_force: wear.slip_ratio_at_full_force,
+                creep_scale: wear.creep_scale,
                 run_out: wear.run_out.get(position).copied().unwrap_or_default(),
                 swivel: Swivel {
                     friction_n_m: wear.swivel_n_m,

@@ -34,6 +34,8 @@ pub struct Slip {
     pub load_n: f64,
     /// Friction across over that along; 1 for a round tread.
     pub side_scale: f64,
+    /// Times [`RENEWAL_PER_M`].
+    pub creep_scale: f64,
     /// Bristles that leave the patch along the rolling direction per metre, beyond [`RENEWAL_PER_M`]: a softer tread.
     pub more_renewal_per_m: f64,
 }
@@ -57,7 +59,8 @@ impl Bristles {
         let inverse = 1.0 / (stribeck * fade);
         let limit = slip.friction * (KINETIC_SHARE + (1.0 - KINETIC_SHARE) * (fade * inverse));
         let damping_per_load = DAMPING_S_PER_M * (stribeck * inverse) / dt_s;
-        let renewal_per_m = [RENEWAL_PER_M + slip.more_renewal_per_m, RENEWAL_PER_M];
+        let own_per_m = slip.creep_scale * RENEWAL_PER_M;
+        let renewal_per_m = [own_per_m + slip.more_renewal_per_m, own_per_m];
         let along_per_s = STIFFNESS_PER_M * speed / limit.max(1e-6);
         let across_per_s = if slip.side_scale == 1.0 {
             along_per_s
@@ -101,6 +104,7 @@ mod tests {
             friction: 0.8,
             load_n: 30.0,
             side_scale: 1.0,
+            creep_scale: 1.0,
             more_renewal_per_m: 0.0,
         };
         (0..7680).fold([0.0; 2], |_, _| bristles.step(&slip, DT_S))
@@ -125,6 +129,27 @@ mod tests {
         assert!(one > 0.2 && (two / one - 2.0).abs() < 0.1, "{one} {two}");
     }
 
+    /// Without renewal the bristles carry all that friction allows, however slow the slip.
+    #[test]
+    fn a_hard_tread_does_not_creep() {
+        let force = |creep_scale: f64| {
+            let mut bristles = Bristles::default();
+            let slip = Slip {
+                velocity_m_per_s: [0.002, 0.0],
+                rolling_m_per_s: 1.0,
+                friction: 0.8,
+                load_n: 30.0,
+                side_scale: 1.0,
+                creep_scale,
+                more_renewal_per_m: 0.0,
+            };
+            (0..7680).fold(0.0, |_, _| bristles.step(&slip, DT_S)[0])
+        };
+        let (rubber, half, hard) = (force(1.0), force(0.5), force(0.0));
+        assert!((half / rubber - 2.0).abs() < 0.1, "{half} {rubber}");
+        assert!(hard > 0.6 * 24.0, "{hard}");
+    }
+
     #[test]
     fn a_soft_tread_creeps_by_the_ratio_more_and_an_oval_one_holds_less_across() {
         let (friction, load_n, ratio) = (0.8, 30.0, 0.05);
@@ -136,6 +161,7 @@ mod tests {
                 friction,
                 load_n,
                 side_scale: 1.0,
+                creep_scale: 1.0,
                 more_renewal_per_m,
             };
             (0..7680).fold(0.0, |_, _| bristles.step(&slip, DT_S)[0])
@@ -151,6 +177,7 @@ mod tests {
             friction,
             load_n,
             side_scale: 0.5,
+            creep_scale: 1.0,
             more_renewal_per_m: 0.0,
         };
         let held = (0..7680).fold(0.0, |_, _| bristles.step(&across, DT_S)[1]);
@@ -166,6 +193,7 @@ mod tests {
             friction: 0.8,
             load_n: 30.0,
             side_scale: 1.0,
+            creep_scale: 1.0,
             more_renewal_per_m: 0.0,
         };
         for _ in 0..10 {

@@ -37,6 +37,8 @@ pub struct Wheel {
     pub side_friction_scale: f64,
     /// Slip ratio added under all the force that friction allows.
     pub slip_ratio_at_full_force: f64,
+    /// Creep of the rolling tread over that of the reference rubber.
+    pub creep_scale: f64,
     /// Relative amplitude and phase of the radius over the wheel's angle.
     pub run_out: [f64; 2],
     pub swivel: Swivel,
@@ -105,6 +107,7 @@ impl Wheel {
             friction: input.friction,
             load_n: input.load_n,
             side_scale: self.side_friction_scale,
+            creep_scale: self.creep_scale,
             more_renewal_per_m: renewal_per_m(self.slip_ratio_at_full_force, input.friction),
         };
         let [force_along, mut force_across] = state.bristles.step(&slip, step.dt_s);

@@ -13,9 +13,11 @@ use crate::screen::{Change, all_residuals, columns};
 use crate::workers::{Cancelled, Workers};
 use twin::robot::RobotDescription;
 
-/// What a laboratory's description is off by, standard deviation in practical sizes.
-const DESCRIPTION_SIGMA: f64 = 1.5;
-pub(super) const PRIOR_PRECISION: f64 = 1.0 / (DESCRIPTION_SIGMA * DESCRIPTION_SIGMA);
+/// What a laboratory's description is off by, standard deviation in practical sizes: such errors are below the practical size. A wider prior
+/// lets the calibration wander where references do not tell, as among the toes of four wheels, and its width hides what runs differ by.
+const DESCRIPTION_SIGMA: f64 = 0.7;
+/// The same of what no description tells: tyres, filters inside servos and sensors.
+const UNTOLD_SIGMA: f64 = 1.5;
 /// Without references: what a description that its laboratory has looked after is off by.
 const WORD_SIGMA: f64 = 0.35;
 /// The same of the tread.
@@ -23,6 +25,8 @@ const TREAD_SIGMA: f64 = 1.0;
 /// From run to run and from day to day, in practical sizes: stated prior, worth this many references.
 const VARIATION_SIGMA: f64 = 0.12;
 const VARIATION_RUNS: f64 = 3.0;
+/// The same of what does not change by itself: what a few references seem to say of it is errors of the laws.
+const RIGID_RUNS: f64 = 20.0;
 /// The same for friction, as a share of the described one, and the least in practical sizes.
 const FRICTION_VARIATION: f64 = 0.1;
 const LEAST_VARIATION: f64 = 0.01;
@@ -111,6 +115,29 @@ fn prior_variation(knob: &Knob, robot: &RobotDescription) -> f64 {
         Knob::Supply(_) | Knob::Resistance(_) => WEATHER_SIGMA * WEATHER_SIGMA,
         Knob::Tread(_) | Knob::SteeringFilter(_) | Knob::AccelerometerLag(_) => RIGID_VARIATION * RIGID_VARIATION,
     }
+}
+
+/// True of what no day changes by itself.
+fn is_rigid(knob: &Knob) -> bool {
+    match knob {
+        Knob::Parameter { name, .. } => RIGID.contains(name),
+        Knob::Supply(_) | Knob::Resistance(_) => false,
+        Knob::Tread(_) | Knob::SteeringFilter(_) | Knob::AccelerometerLag(_) => true,
+    }
+}
+
+/// References that the stated variation of a knob is worth.
+fn prior_runs(knob: &Knob) -> f64 {
+    if is_rigid(knob) { RIGID_RUNS } else { VARIATION_RUNS }
+}
+
+/// Precision with which the description tells a knob.
+pub(super) fn prior_precision(knob: &Knob) -> f64 {
+    let sigma = match knob {
+        Knob::Tread(_) | Knob::SteeringFilter(_) | Knob::AccelerometerLag(_) => UNTOLD_SIGMA,
+        Knob::Parameter { .. } | Knob::Supply(_) | Knob::Resistance(_) => DESCRIPTION_SIGMA,
+    };
+    1.0 / (sigma * sigma)
 }
 
 /// What a knob is off by without references. No description knows its tyres, and few the filters inside its servo and its sensors.
@@ -252,7 +279,7 @@ impl Floor {
         self.leave_out();
         let (mut information, _) = self.information();
         for k in 0..count {
-            information.add(k, k, PRIOR_PRECISION);
+            information.add(k, k, prior_precision(&self.knobs[k]));
         }
         self.uncertainty = information.cholesky().inverse();
         for k in 0..count {
@@ -269,7 +296,11 @@ impl Floor {
         let misfit: f64 = pairs
             .map(|(record, residual)| self.yardstick.surprise(record, residual))
             .sum();
-        misfit + PRIOR_PRECISION * dot(values, values)
+        let pairs = self.knobs.iter().zip(values);
+        misfit
+            + pairs
+                .map(|(knob, value)| prior_precision(knob) * value * value)
+                .sum::<f64>()
     }
 
     /// Takes the step of a damping when it makes the references likelier; else false.
@@ -378,7 +409,7 @@ impl Floor {
                 }
             }
             for k in 0..count {
-                others.add(k, k, PRIOR_PRECISION);
+                others.add(k, k, prior_precision(&self.knobs[k]));
             }
             let back = others.cholesky().solve(score);
             for (knob, amount) in self.sensitivities.iter().zip(back) {
@@ -398,7 +429,7 @@ impl Floor {
             let mut sums: Vec<f64> = self
                 .knobs
                 .iter()
-                .map(|knob| VARIATION_RUNS * prior_variation(knob, &self.given.description))
+                .map(|knob| prior_runs(knob) * prior_variation(knob, &self.given.description))
                 .collect();
             for (gram, score) in &moments {
                 let mut inner = gram.clone();
@@ -411,8 +442,9 @@ impl Floor {
                     *sum += mean * mean + covariance.at(k, k);
                 }
             }
-            let runs = moments.len() as f64 + VARIATION_RUNS;
-            self.variation = sums.into_iter().map(|sum| sum / runs).collect();
+            let runs = moments.len() as f64;
+            let knobs = sums.into_iter().zip(&self.knobs);
+            self.variation = knobs.map(|(sum, knob)| sum / (runs + prior_runs(knob))).collect();
         }
     }
 
@@ -453,7 +485,7 @@ mod tests {
             }
         }
         for k in 0..2 {
-            system.add(k, k, 1.0 / (DESCRIPTION_SIGMA * DESCRIPTION_SIGMA));
+            system.add(k, k, prior_precision(&floor.knobs[k]));
         }
         system.cholesky().solve(&right)
     }

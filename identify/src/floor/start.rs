@@ -1,7 +1,7 @@
 //! Where a calibration begins: on which curve of the tyres and with which delay. Where these are far from the described ones, slopes there do not lead to them.
 
 use super::Floor;
-use super::calibrate::PRIOR_PRECISION;
+use super::calibrate::prior_precision;
 use crate::hypothesis::{Knob, TreadKnob, realised};
 use crate::linear::Square;
 use crate::screen::all_residuals;
@@ -120,7 +120,8 @@ impl Floor {
     pub(super) fn step(&self, residuals: &[Vec<f64>], values: &[f64], held: &[(usize, f64)], damping: f64) -> Vec<f64> {
         let count = self.knobs.len();
         let mut system = Square::zero(count);
-        let mut score: Vec<f64> = values.iter().map(|value| -PRIOR_PRECISION * value).collect();
+        let priors = values.iter().zip(&self.knobs);
+        let mut score: Vec<f64> = priors.map(|(value, knob)| -prior_precision(knob) * value).collect();
         for (reference, residual) in residuals.iter().enumerate() {
             let weighting = self.yardstick.robust_weighting(&self.references[reference], residual);
             let (gram, own) = self.moments_with(reference, &weighting, residual);
@@ -133,7 +134,8 @@ impl Floor {
         }
         for k in 0..count {
             let is_held = held.iter().any(|(knob, _)| *knob == k);
-            system.add(k, k, if is_held { HELD } else { PRIOR_PRECISION });
+            let prior = prior_precision(&self.knobs[k]);
+            system.add(k, k, if is_held { HELD } else { prior });
             system.add(k, k, damping * system.at(k, k));
         }
         system.cholesky().solve(&score)

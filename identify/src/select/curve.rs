@@ -5,7 +5,12 @@ const CURVE_REST: f64 = 0.1;
 /// Torque over speed of a drive; force over slip of a tyre; time from command to action.
 const CURVES: [&[&str]; 3] = [
     &["coulomb_friction", "viscous_friction", "stribeck_friction"],
-    &["floor_friction", "longitudinal_slip", "lateral_slip"],
+    &[
+        "floor_friction",
+        "low_friction_patch",
+        "longitudinal_slip",
+        "lateral_slip",
+    ],
     &["command_delay", "motor_lag", "steering_lag"],
 ];
 

@@ -46,6 +46,8 @@ pub(super) const LAW_SHARE: f64 = 0.02;
 /// explains this share of what is left is no part of it.
 const LAW_REST: f64 = 0.01;
 const REST_SHARE: f64 = 0.3;
+/// An effect beside others needs this many thresholds: what their laws leave passes a threshold that knows chance alone.
+const BESIDE_OTHERS: f64 = 2.0;
 /// No law is truer than this: what explains a smaller share of what is explained already may be its rest, however much of what is left it is.
 const LAW_LEAST: f64 = 0.001;
 
@@ -251,7 +253,10 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Sensitivities) -> R
         return Ok(stop);
     }
     let law_rest = (LAW_REST * data.explained).min(REST_SHARE * rest_of(data));
-    let threshold = threshold.max(law_rest).max(LAW_LEAST * data.explained);
+    let beside_others = if data.members.is_empty() { 1.0 } else { BESIDE_OTHERS };
+    let threshold = (beside_others * threshold)
+        .max(law_rest)
+        .max(LAW_LEAST * data.explained);
     stop.threshold = threshold;
     let fitted = fits(workers, data, &order, &stop.scores, threshold)?;
     let is_vain = |fitted: &&Fitted| fitted.fit.gain < WANTED * threshold && !fitted.fit.is_given_up;
