@@ -58,6 +58,11 @@ impl PathError {
         &self.pieces
     }
 
+    /// Number of the active piece.
+    pub fn active(&self) -> usize {
+        self.active
+    }
+
     /// Whether the last piece is active.
     pub fn is_last(&self) -> bool {
         self.active + 1 >= self.pieces.len()

@@ -359,3 +359,36 @@ fn goals_are_shared_out_anew() {
         assert!(ideal.demands.iter().all(|demand| demand.finished));
     }
 }
+
+/// The body origin lies ahead of the fixed axle: with the back first it swings out before it comes back, and a gain that is
+/// too large for the speed makes that grow. Every gain of the path must bring the robot home.
+#[test]
+fn a_car_with_the_back_first_stays_on_its_path_however_slow_it_is() {
+    for chassis in ["fwd", "rwd", "awd"] {
+        for (distance, derivative) in [(1.5, 0.0), (3.0, 0.0), (3.0, 0.2), (5.0, 0.0)] {
+            let parameters = json!({"speed_m_per_s": 0.7, "distance_gain_per_s": distance, "integral_gain_per_s2": 0.0,
+                "derivative_gain": derivative, "yaw_gain_per_s": 5.0});
+            let targets = json!([{"x_m": 1.5, "y_m": 0.0}, {"x_m": 1.5, "y_m": 2.5}, {"x_m": 1.5, "y_m": 0.0}, {"x_m": -1.0, "y_m": 0.0}]);
+            let document = team(
+                "path_following",
+                parameters,
+                &[(chassis, [-1.0, 0.0, 0.0])],
+                targets,
+                60.0,
+                ROOM,
+            );
+            let ideal = control::ideal::drive(&common::parsed(&document), 60.0).expect("a scenario");
+            let ideal = ideal.expect("a law that ships");
+            let [_, beside_m, yaw_rad] = *ideal.poses.last().expect("poses");
+            println!(
+                "{chassis}, k_p {distance}, k_d {derivative}: {:.2} mm, {yaw_rad:.4} rad",
+                1e3 * beside_m
+            );
+            assert!(ideal.finished, "{chassis}");
+            assert!(
+                beside_m.abs() < 0.002 && yaw_rad.abs() < 0.02,
+                "{chassis}, k_p {distance}: {beside_m} m, {yaw_rad} rad"
+            );
+        }
+    }
+}

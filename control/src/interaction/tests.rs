@@ -144,6 +144,36 @@ fn with_the_right_model_every_chassis_is_where_an_ideal_robot_would_be() {
     }
 }
 
+/// Out and back four times, along curves: the wheels are turned while the robot hardly moves.
+#[test]
+fn cars_that_change_gear_are_where_an_ideal_one_would_be() {
+    let effects = [
+        Effect::new("steering_offset", &[("offset", 0.04)]),
+        Effect::new("steering_lag", &[("time_constant", 0.05)]),
+        Effect::new("floor_friction", &[("scale", 0.5)]),
+    ];
+    for chassis in ["fwd", "rwd", "awd"] {
+        let truth = robot(chassis, &effects);
+        let mut scene = Scene::new(&truth, &truth);
+        let mut worst_m: f64 = 0.0;
+        for tick in 0..2400 {
+            let t = f64::from(tick) * TICK_S;
+            let forward_m_per_s = 0.5 * libm::sin(1.2 * t);
+            let per_m = 0.8 * libm::sin(0.7 * t);
+            scene.tick(&BodyTwist {
+                forward_m_per_s,
+                left_m_per_s: 0.0,
+                yaw_rate_rad_per_s: per_m * forward_m_per_s,
+            });
+            if tick > 240 {
+                worst_m = worst_m.max(scene.off_m());
+            }
+        }
+        println!("{chassis}: {:.2} mm", 1e3 * worst_m);
+        assert!(worst_m < 0.006, "{chassis}: {worst_m} m");
+    }
+}
+
 #[test]
 fn a_better_model_brings_the_robot_closer() {
     let effects = [

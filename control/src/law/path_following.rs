@@ -69,6 +69,10 @@ const PASSED_M: f64 = 0.002;
 const CORNER_RAD: f64 = 0.05;
 /// A robot that turns on the spot at a corner drives on when it points this well.
 const TURNED_RAD: f64 = 0.03;
+/// With the back first the body origin swings out by l before it comes back. With the heading b = k_p e / base that is wanted,
+/// `de/dt = -s b + l db/dt` and `db/dt = k_b (k_p e / base - b)` grow as soon as base < l k_p, whatever the speed s; twice
+/// that halves the damping at most.
+const SWING_ROOM: f64 = 2.0;
 /// The return to the path is at most this share of the speed.
 const RETURN_SHARE: f64 = 0.8;
 /// Largest magnitude of the integral, and distance beyond which it rests.
@@ -330,6 +334,15 @@ fn outward_rad(pieces: &[Piece], drive: Drive) -> Vec<f64> {
     begins
 }
 
+/// How far the body origin swings out to the wrong side, for a radian, when the robot turns back to a piece: it lies behind
+/// the fixed axle, as the robot drives.
+fn swing_m(drive: Drive, piece: &Piece) -> f64 {
+    match drive {
+        Drive::Steered { axle_x_m, .. } => (piece.sign() * axle_x_m).max(0.0),
+        _ => 0.0,
+    }
+}
+
 /// A robot that cannot move sideways points along the sum of both speeds, `[along, back]`; with its error of heading, rad.
 fn pointed(
     drive: Drive,
@@ -339,7 +352,10 @@ fn pointed(
     parameters: &Parameters,
 ) -> (BodyTwist, f64) {
     let piece = &way.piece;
-    let base = along_m_per_s.max(0.1);
+    let gain_per_s = parameters.get("distance_gain_per_s");
+    let base = along_m_per_s
+        .max(0.1)
+        .max(SWING_ROOM * gain_per_s * swing_m(drive, piece));
     let wanted_rad = way.yaw_rad - way.outward_rad - piece.sign() * libm::atan2(back_m_per_s, base);
     let error_rad = wrap(wanted_rad - here.yaw_rad);
     let turn = parameters.get("yaw_gain_per_s") * error_rad;

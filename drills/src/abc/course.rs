@@ -19,6 +19,9 @@ pub enum Course {
     L,
     /// For learning: a zigzag out and back.
     Zigzag,
+    /// For learning: bends of 45 to 70 degrees, out and back; a robot that keeps its heading drives in other directions than
+    /// along its wheels.
+    Weave,
     /// Unseen: three bends of 45 degrees and one of 90.
     Bends,
     /// Unseen: a large L to the other side.
@@ -30,6 +33,7 @@ impl Course {
         match self {
             Self::L => "L",
             Self::Zigzag => "zigzag",
+            Self::Weave => "weave",
             Self::Bends => "bends",
             Self::Hook => "hook",
         }
@@ -52,6 +56,17 @@ impl Course {
                 [1550.0, 750.0],
                 [1300.0, 500.0],
                 [850.0, 950.0],
+                [350.0, 450.0],
+            ],
+            Self::Weave => &[
+                [350.0, 450.0],
+                [600.0, 450.0],
+                [770.0, 744.0],
+                [1065.0, 692.0],
+                [1270.0, 835.0],
+                [1065.0, 692.0],
+                [770.0, 744.0],
+                [600.0, 450.0],
                 [350.0, 450.0],
             ],
             Self::Bends => &[

@@ -179,7 +179,7 @@ fn squares(case: &Case<'_>, setting: &Setting, seed: u64, correction: &Correctio
 }
 
 /// A+: the gains of the grid with the least RMS error on the plant, at A's speed and start.
-fn tuned_on_plant(case: &Case<'_>) -> Result<Setting> {
+pub fn tuned_on_plant(case: &Case<'_>) -> Result<Setting> {
     let settings = grid(true, case.setting.speed_m_per_s);
     let mut best = (*case.setting, f64::INFINITY);
     for setting in settings {
