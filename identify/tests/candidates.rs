@@ -1,8 +1,12 @@
 //! Sizes of candidates as the library states them.
 
 use identify::hypothesis::{Candidate, Excitation, candidates};
+use twin::MAX_WHEELS;
 use twin::golden::reference_robot;
-use twin::robot::RobotDescription;
+use twin::pose::Pose;
+use twin::replay::{CommandRow, replay};
+use twin::robot::{Robot, RobotDescription};
+use twin::twist::BodyTwist;
 
 fn of(chassis: &str) -> (RobotDescription, Vec<Candidate>) {
     let robot = reference_robot(chassis);
@@ -46,4 +50,55 @@ fn the_choice_of_a_wheel_is_a_choice() {
     let limits = named(&all, "body_speed_saturation");
     assert_eq!(limits.choices(&[0.5, f64::INFINITY, f64::INFINITY]), 1);
     assert_eq!(limits.choices(&[0.5, f64::INFINITY, 1.0]), 2);
+}
+
+/// An arc with a stop in it, so that every motor works against the floor.
+fn arc(robot: &Robot) -> Vec<CommandRow> {
+    (0..180)
+        .map(|tick| {
+            let share = if (60..90).contains(&tick) { 0.0 } else { 1.0 };
+            let mut row = CommandRow {
+                time_s: f64::from(tick) / 120.0,
+                steering_rad: robot.description().steering.as_ref().map(|_| 0.2),
+                ..CommandRow::default()
+            };
+            let twist = BodyTwist {
+                forward_m_per_s: 0.7 * share,
+                left_m_per_s: if robot.chassis() == "omni4" { 0.3 * share } else { 0.0 },
+                yaw_rate_rad_per_s: 0.5 * share,
+            };
+            let wheels = robot.wheel_speeds_holding(twist, 0.2).wheel_rad_per_s;
+            for (k, wheel) in robot.description().wheels.iter().enumerate() {
+                row.wheel_rad_per_s[k] = wheel.driven.then_some(wheels[k]);
+            }
+            row
+        })
+        .collect()
+}
+
+/// What a candidate says that it does not touch is not simulated, so it must not touch it: the motors of a drive that is left out.
+#[test]
+fn effects_that_leave_the_drive_out_change_nothing_on_board() {
+    for chassis in ["omni4", "diff2", "diff4", "fwd", "rwd", "awd"] {
+        let (description, all) = of(chassis);
+        let nominal = Robot::new(description.clone()).unwrap_or_else(|problem| panic!("{}", problem.message));
+        let rows = arc(&nominal);
+        let driven = |robot: &Robot| -> Vec<([f64; MAX_WHEELS], [f64; MAX_WHEELS], f64)> {
+            let states = replay(robot, Pose::default(), &rows).unwrap_or_else(|error| panic!("{error}"));
+            states
+                .iter()
+                .map(|row| (row.state.wheel_rad_per_s, row.state.current_a, row.state.steering_rad))
+                .collect()
+        };
+        let usual = driven(&nominal);
+        let mut left_out = 0;
+        for candidate in all.iter().filter(|candidate| !candidate.stages.drive) {
+            left_out += 1;
+            let effect = candidate.effect(&candidate.columns[0].values);
+            let changed = Robot::with_model(description.clone(), &[effect], None)
+                .unwrap_or_else(|problem| panic!("{}", problem.message));
+            assert_eq!(driven(&changed), usual, "{chassis}: {}", candidate.label());
+        }
+        assert!(left_out >= 5, "{chassis}");
+    }
 }

@@ -3,7 +3,7 @@
 use super::round::{Finalist, Fitted, Round, VALIDATION_GAIN, difference, slices, weak_bar};
 use crate::fit::with_members;
 use crate::floor::Metric;
-use crate::hypothesis::Hypothesis;
+use crate::hypothesis::{Axis, Hypothesis};
 use crate::random::Random;
 use crate::record::{CHANNELS, CLASSES, Record, Stages, residuals};
 
@@ -241,19 +241,16 @@ fn gate(data: &Round, finalist: &Finalist, threshold: f64) -> Option<String> {
             finalist.size / large
         ));
     }
-    let at_bound = finalist
-        .member
-        .candidate
-        .axes
-        .iter()
-        .zip(&finalist.member.values)
-        .any(|(axis, value)| {
-            let is_open = axis.neutral.is_finite() && axis.low != axis.neutral && axis.high != axis.neutral;
-            // A place at the end of its range is far away; a time or a speed there makes another law of it.
-            let is_shape = !axis.carries_size && axis.unit != "m" && axis.unit != "rad";
-            (is_shape || (axis.carries_size && is_open)) && (value <= &axis.low || value >= &axis.high)
-        });
-    at_bound.then(|| "its best value is at the end of the possible range".to_owned())
+    let mut axes = finalist.member.candidate.axes.iter().zip(&finalist.member.values);
+    axes.any(|(axis, value)| is_at_an_end(axis, *value))
+        .then(|| "its best value is at the end of the possible range".to_owned())
+}
+
+/// A size, or a time or a speed that shapes a law, at the end of its range: a law of another kind is imitated. A place there is far away.
+fn is_at_an_end(axis: &Axis, value: f64) -> bool {
+    let is_between = axis.neutral.is_finite() && axis.low != axis.neutral && axis.high != axis.neutral;
+    let is_shape = !axis.carries_size && axis.unit != "m" && axis.unit != "rad";
+    (is_shape || (axis.carries_size && is_between)) && (value <= axis.low || value >= axis.high)
 }
 
 /// Above the threshold on the training runs; or weaker there, as much stronger on the validation runs as that is below it.
@@ -338,6 +335,28 @@ mod tests {
             !is_seen(33.0, 500.0, [34.0, 34.0, 48.0]),
             "beside another effect nothing weak"
         );
+    }
+
+    /// A motor that heats up in half a second is friction that grows with the load.
+    #[test]
+    fn shapes_at_the_end_of_their_range_are_another_law() {
+        let axis = |name: &'static str, unit: &'static str, carries_size: bool, low: f64, neutral: f64| Axis {
+            name,
+            unit,
+            neutral,
+            low,
+            high: 50.0,
+            practical: 0.1,
+            carries_size,
+        };
+        let heating = axis("time_constant", "s", false, 0.5, 30.0);
+        assert!(is_at_an_end(&heating, 0.5) && is_at_an_end(&heating, 50.0) && !is_at_an_end(&heating, 0.6));
+        let place = axis("x", "m", false, -50.0, 0.0);
+        assert!(!is_at_an_end(&place, -50.0) && !is_at_an_end(&place, 50.0));
+        let one_sided = axis("torque", "N m", true, 0.0, 0.0);
+        assert!(!is_at_an_end(&one_sided, 0.0) && !is_at_an_end(&one_sided, 50.0));
+        let size = axis("relative", "1", true, -0.3, 0.0);
+        assert!(is_at_an_end(&size, -0.3) && !is_at_an_end(&size, -0.29));
     }
 
     #[test]

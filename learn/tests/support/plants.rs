@@ -80,7 +80,7 @@ fn run(
     let words = words.unwrap_or_else(|problem| panic!("{problem}"));
     let trace = drive(&words, change, &start, &mut |number, _| planned[number]);
     let trace = trace.unwrap_or_else(|problem| panic!("{problem}"));
-    let texts = Texts::new(description, &trace, &change.sensing, seed, reference);
+    let texts = Texts::new(description, description, &trace, &change.sensing, seed, reference);
     let kind = if reference { "reference" } else { "run" };
     texts
         .and_then(|texts| texts.read(&format!("{kind}-{number}")))
