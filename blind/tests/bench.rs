@@ -4,7 +4,7 @@ use blind::background::{CHASSIS, background, robot};
 use blind::bench::{Line, append, lines, run_set};
 use blind::effects::{applicable, apply, draw};
 use blind::kind::Kind;
-use blind::set::{Set, Wish};
+use blind::set::{Robots, Set, Wish};
 use blind::table::markdown;
 use blind::truth::{Sealed, Vault};
 use emulator::noise::Noise;
@@ -26,6 +26,7 @@ fn small() -> Wish {
         seconds: 6,
         references: 2,
         runs: 3,
+        robots: Robots::Drawn,
     }
 }
 

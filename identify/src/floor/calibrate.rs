@@ -63,6 +63,9 @@ const LINEARISATIONS: usize = 2;
 /// References that the first of them takes.
 const FIRST_REFERENCES: usize = 4;
 const EXPECTATION_STEPS: usize = 12;
+/// Factor on thresholds where variances are stated: the description's own errors are in the product already, and an effect of three practical
+/// sizes gains no more than (3 / [`WORD_SIGMA`])^2 beside them.
+const STATED_INFLATION: f64 = 2.5;
 /// With fewer references none is left out: the others would say too little.
 const FEWEST_LEFT_OUT: usize = 3;
 
@@ -448,8 +451,11 @@ impl Floor {
         }
     }
 
-    /// Factor on thresholds for variances that few references gave: Student's t against the normal at 99.5 %.
+    /// Factor on thresholds for variances that few references gave, or none: Student's t against the normal at 99.5 %.
     pub fn inflation(&self) -> f64 {
+        if self.references.is_empty() {
+            return STATED_INFLATION;
+        }
         const T: [f64; 12] = [9.92, 5.84, 4.60, 4.03, 3.71, 3.50, 3.36, 3.25, 3.17, 3.11, 3.05, 3.01];
         let degrees = self.references.len() + VARIATION_RUNS as usize - 1;
         let t = T.get(degrees.saturating_sub(2)).copied().unwrap_or(2.9);

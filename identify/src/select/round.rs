@@ -46,7 +46,8 @@ pub(super) const LAW_SHARE: f64 = 0.02;
 /// explains this share of what is left is no part of it.
 const LAW_REST: f64 = 0.01;
 const REST_SHARE: f64 = 0.3;
-/// An effect beside others needs this many thresholds: what their laws leave passes a threshold that knows chance alone.
+/// An effect beside others needs this many thresholds: what their laws leave passes a threshold that knows chance alone. Without references
+/// several are expected.
 const BESIDE_OTHERS: f64 = 2.0;
 /// No law is truer than this: what explains a smaller share of what is explained already may be its rest, however much of what is left it is.
 const LAW_LEAST: f64 = 0.001;
@@ -253,7 +254,8 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Sensitivities) -> R
         return Ok(stop);
     }
     let law_rest = (LAW_REST * data.explained).min(REST_SHARE * rest_of(data));
-    let beside_others = if data.members.is_empty() { 1.0 } else { BESIDE_OTHERS };
+    let is_alone = data.members.is_empty() || data.floor.references.is_empty();
+    let beside_others = if is_alone { 1.0 } else { BESIDE_OTHERS };
     let threshold = (beside_others * threshold)
         .max(law_rest)
         .max(LAW_LEAST * data.explained);
