@@ -218,6 +218,9 @@ fn a_head_on_experiment_that_starts_overlapping_or_aims_into_the_wall_is_refused
     assert_eq!(fields(&scenario_of(experiment)), ["robots[1].start", "targets[0].x_m"]);
 }
 
+/// Half a second of commands.
+const TOLD_TICKS: u32 = 60;
+
 #[test]
 fn feedback_alone_has_no_answers_learns_nothing_and_stands_beside_no_interaction() {
     let mut document = example("path-zigzag");
@@ -241,7 +244,10 @@ fn feedback_alone_has_no_answers_learns_nothing_and_stands_beside_no_interaction
             },
             online: true,
         };
-        team.tick(&vec![seen; scenario.experiment.robots.len()]);
+        // What is ahead of a robot is what it was told, so it must have been told something.
+        for _ in 0..TOLD_TICKS {
+            team.tick(&vec![seen; scenario.experiment.robots.len()]);
+        }
         let [x_m, y_m] = [team.seen()[0].pose.x_m - start.x_m, team.seen()[0].pose.y_m - start.y_m];
         x_m.abs() + y_m.abs()
     };

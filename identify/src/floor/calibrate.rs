@@ -21,7 +21,7 @@ const UNTOLD_SIGMA: f64 = 1.5;
 /// Without references: what a description that its laboratory has looked after is off by.
 const WORD_SIGMA: f64 = 0.35;
 /// The same of the tread.
-const TREAD_SIGMA: f64 = 1.0;
+const TREAD_SIGMA: f64 = 2.5;
 /// From run to run and from day to day, in practical sizes: stated prior, worth this many references.
 const VARIATION_SIGMA: f64 = 0.12;
 const VARIATION_RUNS: f64 = 3.0;

@@ -254,6 +254,8 @@ fn candidate(
         }
         "thermal_drift" => one_of(vec![vec![0.25, 10.0], vec![0.25, 60.0]]),
         "caster_swivel" => one_of(vec![vec![0.02, large(1) * 0.6]]),
+        // A tread many times softer is no multiple of one a little softer.
+        "longitudinal_slip" => one_of(vec![vec![between(0.08)], vec![between(0.35)], vec![between(0.85)]]),
         "battery_sag" | "gear_backlash" | "steering_backlash" => one_of(vec![vec![between(0.1)], vec![between(0.5)]]),
         _ => {
             let step = |axis: usize| {

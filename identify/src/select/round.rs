@@ -23,7 +23,7 @@ const PROMISING: f64 = 1.5;
 const WEAK_FITTED: usize = 3;
 /// Fits that cannot reach this share of the threshold are not finished.
 pub(super) const WANTED: f64 = 0.5;
-/// Slow to simulate: fitted only among the first three.
+/// Slow to simulate.
 const SLOW: &str = "longitudinal_slip";
 /// Amplitude in the references from which an effect is no difference to them.
 pub(super) const ALSO_THERE: f64 = 0.5;
@@ -362,9 +362,8 @@ fn short_list(candidates: &[Candidate], order: &[usize], scores: &[Score]) -> Ve
             .iter()
             .filter(|other| candidates[**other].entry.name == name)
             .count();
-        let late = name == SLOW && list.len() >= 3;
         let weak = list.len() >= FITTED_ANYWAY && scores[*candidate].gain < WORTH_FITTING * best;
-        if same < 2 && list.len() < SHORT_LIST && !late && !weak {
+        if same < 2 && list.len() < SHORT_LIST && !weak {
             list.push(*candidate);
         }
     }
