@@ -16,7 +16,7 @@ const HARM: f64 = 0.25;
 /// Share of the gain that runs on which an effect hardly acts may lose: real laws are off those of the library by that much.
 const HARMLESS: f64 = 0.1;
 /// Sizes beyond this many times the large one are believed at this many times the threshold.
-const INCREDIBLE: f64 = 2.0;
+const INCREDIBLE: f64 = 3.0;
 const PROVEN: f64 = 10.0;
 /// Half-splits, and bootstrap replicates.
 const REPLICATES: usize = 200;
@@ -369,7 +369,7 @@ mod tests {
             is_incredible(91.0, 15.0, 72.0, 34.0),
             "a wheel 18 % smaller that hardly shows"
         );
-        assert!(!is_incredible(91.0, 15.0, 400.0, 34.0) && !is_incredible(29.0, 15.0, 72.0, 34.0));
+        assert!(!is_incredible(91.0, 15.0, 400.0, 34.0) && !is_incredible(44.0, 15.0, 72.0, 34.0));
         assert!(!is_incredible(f64::INFINITY, 15.0, 72.0, 34.0), "limits have no size");
     }
 
