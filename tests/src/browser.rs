@@ -8,6 +8,7 @@ use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
+use thirtyfour::extensions::cdp::ChromeDevTools;
 use thirtyfour::{ChromiumLikeCapabilities, DesiredCapabilities, Key, WebDriver};
 
 const DRIVER_LIMIT: Duration = Duration::from_secs(20);
@@ -15,6 +16,9 @@ const DRIVER_LIMIT: Duration = Duration::from_secs(20);
 const STANDING_LIMIT: Duration = Duration::from_secs(20);
 /// A page draws several times a second even when nothing happens; one that has not for so long is not waited for.
 const IDLE_LIMIT: Duration = Duration::from_secs(3);
+
+/// One notch of a mouse wheel.
+const WHEEL_STEP_PX: i64 = 100;
 
 pub struct Browser {
     driver: Child,
@@ -135,6 +139,27 @@ impl Browser {
             tokio::time::sleep(Duration::from_millis(50)).await;
         }
         self.page.action_chain().release().perform().await?;
+        Ok(())
+    }
+
+    /// Turns the mouse wheel over a widget until another one can be seen, as somebody would who looks for it.
+    pub async fn scroll_to(&self, widget: &str, over: &str) -> anyhow::Result<()> {
+        let start = Instant::now();
+        let mut seen = self.inspect().await?;
+        while !seen["widgets"][widget].is_object() && start.elapsed() < STANDING_LIMIT {
+            let (x, y) = self.middle(over).await?;
+            let turn = serde_json::json!({
+                "type": "mouseWheel", "x": x, "y": y, "deltaX": 0, "deltaY": WHEEL_STEP_PX,
+            });
+            ChromeDevTools::new(self.page.handle().clone())
+                .execute_cdp_with_params("Input.dispatchMouseEvent", turn)
+                .await?;
+            seen = self.next_frames(frame(&seen), 3).await?;
+        }
+        ensure!(
+            seen["widgets"][widget].is_object(),
+            "the wheel over {over} never brought {widget} into view"
+        );
         Ok(())
     }
 

@@ -227,7 +227,7 @@ fn models(state: &State) -> ModelsSummary {
         in_use: models.current.as_ref().map(|current| current.version.clone()),
         shown: crate::pages::models::data::headline(state).0,
         sentence: view.map(|view| view.sentence.clone()),
-        compared: view.map(|view| [view.first.version.clone(), view.second.version.clone()]),
+        compared: view.map(|view| crate::pages::models::data::compared(view).map(str::to_owned)),
     }
 }
 

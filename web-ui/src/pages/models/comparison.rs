@@ -132,9 +132,10 @@ fn plot(ui: &mut Ui, view: &ComparisonView, palette: &Palette) {
         let moments = view.course.iter();
         moments.map(|moment| [moment.time_s, 1000.0 * of(moment)]).collect()
     };
+    let [first, second] = data::compared(view);
     let lines = [
-        (&view.first.version, points(|moment| moment.first_m), first_ink),
-        (&view.second.version, points(|moment| moment.second_m), second_ink),
+        (first, points(|moment| moment.first_m), first_ink),
+        (second, points(|moment| moment.second_m), second_ink),
     ];
     parts::card(ui, palette, |ui| {
         ui.label(RichText::new("Prediction made 2 s before, distance from the measured position").strong());
@@ -167,7 +168,8 @@ fn table(ui: &mut Ui, view: &ComparisonView, palette: &Palette) {
             .min_col_width(90.0)
             .spacing(vec2(28.0, 4.0))
             .show(ui, |ui| {
-                let titles = ["Quantity", "Ahead", &view.first.version, &view.second.version];
+                let [first, second] = data::compared(view);
+                let titles = ["Quantity", "Ahead", first, second];
                 for title in titles {
                     let text = RichText::new(title).text_style(egui::TextStyle::Small);
                     ui.label(text.color(palette.faint_ink));

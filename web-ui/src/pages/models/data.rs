@@ -10,6 +10,9 @@ use api::comparison::{ComparisonView, NearerModel};
 use api::model::{ModelEffect, ModelView, RunGap};
 use uuid::Uuid;
 
+/// What the equations alone are called on the page.
+pub const NOMINAL: &str = "Nominal twin";
+
 /// A line of the lineage.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VersionRow {
@@ -59,7 +62,7 @@ pub fn rows(state: &State) -> Option<Vec<VersionRow>> {
         .collect();
     rows.push(VersionRow {
         shown: Shown::Nominal,
-        name: "Nominal twin".to_owned(),
+        name: NOMINAL.to_owned(),
         in_use: in_use == Some(None),
         made: "from the laboratory's description".to_owned(),
         contents: "The robot as described, nothing learned".to_owned(),
@@ -141,7 +144,7 @@ pub fn headline(state: &State) -> (String, String) {
     match shown_version(&state.models) {
         Some(version) => (version.version.clone(), format!("{robot} {}.", contents(version))),
         None => (
-            "Nominal twin".to_owned(),
+            NOMINAL.to_owned(),
             format!(
                 "The equations of motion with the numbers that the laboratory gives for {robot}; nothing was learned from runs."
             ),
@@ -235,7 +238,7 @@ pub fn facts(state: &State, version: &ModelView) -> Vec<(String, String)> {
 /// What a version is called in a list of choices.
 pub fn name(models: &Models, shown: Shown) -> String {
     match shown {
-        Shown::Nominal => "Nominal twin".to_owned(),
+        Shown::Nominal => NOMINAL.to_owned(),
         Shown::Version(id) => {
             let found = models.versions.iter().flatten().find(|one| one.id == id);
             found.map_or_else(String::new, |one| one.version.clone())
@@ -306,10 +309,18 @@ pub fn errors(view: &ComparisonView) -> Vec<ErrorRow> {
         .collect()
 }
 
+/// What both sides of a comparison are called; the server says "nominal" of the equations alone.
+pub fn compared(view: &ComparisonView) -> [&str; 2] {
+    [&view.first, &view.second].map(|side| match side.version.as_str() {
+        api::diagnosis::NOMINAL => NOMINAL,
+        version => version,
+    })
+}
+
 /// The ratio of both gaps, with its interval; for the line below the sentence.
 pub fn ratio_sentence(view: &ComparisonView) -> Option<String> {
     let ratio = view.ratio?;
-    let (first, second) = (&view.first.version, &view.second.version);
+    let [first, second] = compared(view);
     let chance = match view.nearer {
         NearerModel::Alike if ratio.low <= 1.0 && ratio.high >= 1.0 => {
             "; 1 lies between these, so chance may have made the difference"
