@@ -7,6 +7,7 @@ use twin::model_document::ModelDocument;
 use super::energy::Energies;
 use super::gap_table::gap_table;
 use super::louder::{louder, share_left};
+use super::verified::{Verified, verified};
 use super::{Case, DiagnoseError, Diagnosis, LIBRARY_VERSION, Taken};
 use crate::fit::{Fit, with_members};
 use crate::hypothesis::{Hypothesis, Knob, applies};
@@ -20,6 +21,8 @@ use crate::screen::Score;
 use crate::select::{Finalist, Role};
 use crate::workers::Workers;
 
+/// Validation and unused runs without which nothing is confirmed.
+const FEWEST_RUNS: usize = 2;
 /// Signal over noise below which an effect is untestable.
 const TESTABLE: f64 = 5.0;
 /// Half width of a 95 % interval in standard deviations, before the inflation of few references.
@@ -50,14 +53,41 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
         case.remarks.push(louder.words());
     }
     if verdict == Verdict::Unexplained || verdict == Verdict::NoDiscrepancy {
-        after = case.floor.model.clone();
-        case.fit = None;
-        case.taken
-            .retain(|taken| taken.tiny && verdict == Verdict::NoDiscrepancy);
+        after = without_names(case, verdict);
+    }
+    let (mut gap, mut explained) = gap_table(case, &after);
+    let mut is_proven = validated(case) && case.locked.len() >= FEWEST_RUNS;
+    let names = case.taken.iter().filter(|taken| !taken.tiny).count();
+    if names > 0 {
+        match verified(&gap, explained, names) {
+            Verified::Holds => {}
+            Verified::InPart(words) => {
+                case.remarks.push(format!("not proven: {words}"));
+                verdict = unproven(verdict);
+                is_proven = false;
+            }
+            Verified::Not(words) => {
+                let names = case
+                    .taken
+                    .iter()
+                    .map(|taken| taken.finalist.member.candidate.entry.name);
+                case.withdrawn = Some((names.collect(), words));
+                verdict = Verdict::Unexplained;
+                after = without_names(case, verdict);
+                (gap, explained) = gap_table(case, &after);
+            }
+        }
+    }
+    for taken in case.taken.iter().filter(|taken| !taken.tiny) {
+        if let Some(spread) = taken.uneven {
+            case.remarks.push(format!(
+                "{}: the size that explains most differs from stretch to stretch by {spread:.1} times itself, so a law of another kind may be behind it",
+                taken.finalist.member.candidate.entry.name
+            ));
+        }
     }
     let model = model_version(case, &after);
-    let (gap, explained) = gap_table(case, &after);
-    let effects = named(case);
+    let effects = named(case, is_proven);
     if effects.is_empty() && matches!(verdict, Verdict::Confirmed | Verdict::Partial | Verdict::Ambiguous) {
         verdict = Verdict::NoDiscrepancy;
     }
@@ -96,6 +126,27 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
     Ok(Diagnosis { report, model })
 }
 
+/// Drops all names; the model is the floor's.
+fn without_names(case: &mut Case, verdict: Verdict) -> Hypothesis {
+    case.fit = None;
+    case.taken
+        .retain(|taken| taken.tiny && verdict == Verdict::NoDiscrepancy);
+    case.floor.model.clone()
+}
+
+/// There are validation runs enough to confirm a name.
+fn validated(case: &Case) -> bool {
+    case.roles.iter().filter(|role| **role == Role::Validation).count() >= FEWEST_RUNS
+}
+
+/// At most partly explained.
+fn unproven(verdict: Verdict) -> Verdict {
+    match verdict {
+        Verdict::Confirmed => Verdict::Partial,
+        other => other,
+    }
+}
+
 fn verdict(case: &Case) -> Verdict {
     let levels = &case.levels;
     let Energies { all, quiet } = &case.energies;
@@ -118,12 +169,12 @@ fn verdict(case: &Case) -> Verdict {
     }
     let remains = remains
         || louder(&levels.after).is_some_and(|louder| share_left(&levels.before, &levels.after, louder.class) > REST);
-    let validation = case.roles.iter().filter(|role| **role == Role::Validation).count();
     if naming.iter().any(|taken| !other_names(taken).is_empty()) {
         return Verdict::Ambiguous;
     }
     // Without references an effect may be an error of the description itself.
-    if remains || validation < 2 || case.locked.len() < 2 || case.floor.noise.is_prior {
+    let is_uneven = naming.iter().any(|taken| taken.uneven.is_some());
+    if remains || is_uneven || !validated(case) || case.locked.len() < FEWEST_RUNS || case.floor.noise.is_prior {
         return Verdict::Partial;
     }
     Verdict::Confirmed
@@ -239,7 +290,7 @@ fn parameters(case: &Case, position: usize, finalist: &Finalist) -> Vec<Paramete
     .collect()
 }
 
-fn named(case: &Case) -> Vec<NamedEffect> {
+fn named(case: &Case, is_proven: bool) -> Vec<NamedEffect> {
     let mut effects: Vec<NamedEffect> = Vec::new();
     for (position, taken) in case.taken.iter().enumerate() {
         if taken.tiny {
@@ -276,7 +327,7 @@ fn named(case: &Case) -> Vec<NamedEffect> {
         excluded.dedup_by(|a, b| a.name == b.name);
         let mut effect = NamedEffect {
             name: name.to_owned(),
-            status: if alternatives.is_empty() {
+            status: if alternatives.is_empty() && taken.uneven.is_none() && is_proven {
                 "confirmed"
             } else {
                 "ambiguous"
@@ -454,6 +505,11 @@ fn rest(case: &Case, effects: &[NamedEffect], absorbed: &[Absorbed]) -> (Vec<Rej
 }
 
 fn because(case: &Case, name: &str, gain: f64) -> String {
+    if let Some((names, words)) = &case.withdrawn
+        && names.contains(&name)
+    {
+        return format!("fits best, but {words}");
+    }
     // The last round knows most.
     let rounds = case.taken.iter().rev().flat_map(|taken| &taken.excluded);
     let judged = case

@@ -11,8 +11,6 @@ use crate::workers::{Cancelled, Workers, gathered};
 /// A rival is tried when it alone gained this share of the winner's gain, and at most so many for each name.
 const RIVAL_SHARE: f64 = 0.6;
 const MOST_RIVALS: usize = 3;
-/// Share of the joint gain by which a rival must be better.
-const BETTER: f64 = 0.02;
 
 /// Tries the rivals of all but the newest effect in its place, all effects fitted anew, and keeps the best exchange that
 /// explains more of the training and of the validation runs. Rivals that explain less by more than `slack` of a gain are told
@@ -48,7 +46,7 @@ pub(super) fn exchange(
         if joint.gain - found.gain > slack(own.finalist.gain_train) {
             tell_apart(own, rival);
         }
-        let least = joint.gain * (1.0 + BETTER);
+        let least = joint.gain + slack(own.finalist.gain_train);
         if found.gain > least && best.as_ref().is_none_or(|(_, other)| found.gain > other.gain) {
             best = Some((item, found));
         }

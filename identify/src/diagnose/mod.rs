@@ -3,6 +3,7 @@
 mod assemble;
 mod calibrate;
 mod energy;
+mod evenness;
 mod exchange;
 mod excited;
 mod gap_table;
@@ -10,6 +11,7 @@ mod louder;
 mod loudness;
 mod next;
 mod prepared;
+mod verified;
 
 pub use calibrate::{calibrated, calibrated_floor};
 
@@ -23,7 +25,9 @@ use crate::locate::{Located, locate};
 use crate::record::{Record, Stages};
 use crate::report::Report;
 use crate::screen::{Score, all_residuals};
-use crate::select::{Finalist, Role, Round, Sensitivities, Stop, roles, round, slack_of};
+use crate::select::{
+    Explained, Finalist, Role, Round, Sensitivities, Stop, decrease, difference, energies, roles, round, slack_of,
+};
 use crate::workers::{Cancelled, Workers};
 use energy::Energies;
 use louder::Compared;
@@ -108,6 +112,8 @@ struct Taken {
     excluded: Vec<Finalist>,
     threshold: f64,
     tiny: bool,
+    /// Its size differs from window to window by so many times itself: another law may be behind it.
+    uneven: Option<f64>,
 }
 
 /// Everything that the report is made of.
@@ -130,6 +136,8 @@ struct Case<'a> {
     located: Located,
     energies: Energies,
     levels: Levels,
+    /// Names that unused runs spoke against, and what they said.
+    withdrawn: Option<(Vec<&'static str>, String)>,
     remarks: Vec<String>,
 }
 
@@ -198,6 +206,7 @@ pub fn diagnose(workers: &dyn Workers, input: &Input) -> Result<Diagnosis, Diagn
         located: Located::default(),
         energies: Energies::NOTHING,
         levels: Levels::default(),
+        withdrawn: None,
         remarks,
     };
     search(workers, &mut case, &stages)?;
@@ -307,7 +316,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
     add_places(&mut case.candidates, &case.located);
     let mut members: Vec<Member> = Vec::new();
     let mut kept = Sensitivities::default();
-    let mut explained = 0.0;
+    let mut explained = Explained::default();
     for number in 0..MOST_EFFECTS + MOST_ABSORBED {
         workers.progress(
             &format!("round {}", number + 1),
@@ -325,7 +334,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
                 model: &model,
                 candidates: &case.candidates,
                 members: &members,
-                explained,
+                explained: explained.clone(),
                 seed: case.input.seed,
             },
             &mut kept,
@@ -394,7 +403,8 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
             joint,
         )?;
         members = joint.members.clone();
-        explained = joint.gain;
+        let of = |residuals: &[Vec<f64>]| energies(&train.metric, &train.records, residuals);
+        explained.gain = decrease(&of(&base), &of(&joint.residuals));
         let model = with_members(&case.floor.model, &members);
         train.renew(workers, &case.floor, &model)?;
         validation.renew(workers, &case.floor, &model)?;
@@ -443,6 +453,17 @@ fn finish(
             .iter()
             .map(|(m, a)| ((*m, *a), fit.scatter(&both.metric, *m, *a)))
             .collect();
+        for (position, taken) in case.taken.iter_mut().enumerate().take(fit.members.len()) {
+            let mut others = fit.members.clone();
+            others.remove(position);
+            let model = with_members(&case.floor.model, &others);
+            let without: Option<Vec<Vec<f64>>> = all_residuals(workers, &both.records, &model)?.into_iter().collect();
+            taken.uneven = without.and_then(|without| {
+                let changes = difference(&without, &fit.residuals);
+                let even = evenness::evenness(&both.metric, &both.records, &changes, &fit.residuals)?;
+                even.is_uneven().then_some(even.spread)
+            });
+        }
         for (taken, member) in case.taken.iter_mut().zip(&fit.members) {
             taken.finalist.member = member.clone();
             taken.finalist.size = member.candidate.size(&member.values);
@@ -492,6 +513,7 @@ fn taken(stop: &Stop, accepted: usize) -> Taken {
         alternatives,
         excluded,
         threshold: stop.threshold,
+        uneven: None,
     }
 }
 

@@ -9,6 +9,7 @@
 
 use super::modes::Weighting;
 use crate::linear::{Factor, Square};
+use crate::record::CLASSES;
 
 /// One run.
 #[derive(Debug, Clone)]
@@ -115,7 +116,12 @@ impl Metric {
 
     /// Weighted energy of a run whose residuals are as large as the noise.
     pub fn expected(&self, run: usize) -> f64 {
-        self.runs[run].weighting.expected
+        self.expected_of_classes(run).iter().sum()
+    }
+
+    /// The same, by class.
+    pub fn expected_of_classes(&self, run: usize) -> &[f64; CLASSES] {
+        &self.runs[run].weighting.expected
     }
 
     /// What the knobs, turned as is likeliest for this run alone, leave of a run's vector, in units of the noise: roots of weighted energies.

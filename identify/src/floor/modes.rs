@@ -7,7 +7,7 @@
 
 use super::noise::{ClassNoise, correlation_of};
 use crate::linear::{Square, principal};
-use crate::record::{Place, Quantity, Record};
+use crate::record::{CLASSES, Place, Quantity, Record};
 
 /// Classes with one quantity a wheel: wheel speed and current.
 const CLASSES_OF_WHEELS: [usize; 2] = [0, 2];
@@ -37,8 +37,8 @@ struct Group {
 pub struct Weighting {
     /// One over variance and correlation length.
     pub weights: Vec<f64>,
-    /// Weighted energy of residuals that are as large as the noise.
-    pub expected: f64,
+    /// Weighted energy of residuals that are as large as the noise, by class.
+    pub expected: [f64; CLASSES],
     groups: Vec<(usize, Vec<usize>)>,
     bases: Vec<Square>,
 }
@@ -209,7 +209,7 @@ impl Modes {
             let activity = activity(activities, &group.positions);
             for (place, noise) in group.positions.iter().zip(&self.noise) {
                 weighting.weights[*place] = 1.0 / (noise.at(activity) * noise.correlation);
-                weighting.expected += 1.0 / noise.correlation - 1.0 / classes[self.class].correlation;
+                weighting.expected[self.class] += 1.0 / noise.correlation - 1.0 / classes[self.class].correlation;
             }
             weighting.groups.push((basis, group.positions));
         }
@@ -267,6 +267,6 @@ mod tests {
         );
         assert!(own < 0.01 * expected, "{own}");
         // Noise itself has the energy that is expected of it.
-        assert!((energy(&residual) / weighting.expected - 1.0).abs() < 0.2);
+        assert!((energy(&residual) / weighting.expected.iter().sum::<f64>() - 1.0).abs() < 0.2);
     }
 }

@@ -219,10 +219,9 @@ impl NoiseModel {
     pub fn weighting(&self, record: &Record) -> Weighting {
         let (places, activities) = (record.places(), record.activities());
         let mut weighting = Weighting::diagonal(self.weights_at(&places, &activities));
-        let own = places.iter().filter_map(|place| place.quantity);
-        weighting.expected = own
-            .map(|quantity| 1.0 / self.classes[quantity.class()].correlation)
-            .sum();
+        for class in places.iter().filter_map(|place| Some(place.quantity?.class())) {
+            weighting.expected[class] += 1.0 / self.classes[class].correlation;
+        }
         for modes in &self.modes {
             modes.weigh(&places, &self.classes, &activities, &mut weighting);
         }

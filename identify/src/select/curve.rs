@@ -14,10 +14,10 @@ const CURVES: [&[&str]; 3] = [
     &["command_delay", "motor_lag", "steering_lag"],
 ];
 
-/// Gain that a candidate needs beside effects that explain `explained` together.
+/// Share of what named effects explain that a candidate has to explain besides.
 ///
 /// - `members`: names of these effects.
-pub(super) fn bar<'a>(candidate: &str, members: impl Iterator<Item = &'a str>, explained: f64) -> f64 {
+pub(super) fn share<'a>(candidate: &str, members: impl Iterator<Item = &'a str>) -> f64 {
     let mut members = members;
     let is_part = |other: &str| {
         other != candidate
@@ -25,11 +25,7 @@ pub(super) fn bar<'a>(candidate: &str, members: impl Iterator<Item = &'a str>, e
                 .iter()
                 .any(|curve| curve.contains(&candidate) && curve.contains(&other))
     };
-    if members.any(is_part) {
-        CURVE_REST * explained
-    } else {
-        0.0
-    }
+    if members.any(is_part) { CURVE_REST } else { 0.0 }
 }
 
 #[cfg(test)]
@@ -38,11 +34,11 @@ mod tests {
 
     #[test]
     fn parts_of_a_curve_need_a_share_of_what_the_first_explains() {
-        let of = |candidate, members: &[&'static str]| bar(candidate, members.iter().copied(), 1000.0);
-        assert!((of("stribeck_friction", &["payload", "coulomb_friction"]) - 100.0).abs() < 1e-9);
-        assert!(of("stribeck_friction", &["payload", "floor_friction"]) < 1e-9);
-        assert!(of("coulomb_friction", &["coulomb_friction"]) < 1e-9, "another wheel's");
-        assert!(of("payload", &["coulomb_friction"]) < 1e-9);
+        let of = |candidate, members: &[&'static str]| share(candidate, members.iter().copied());
+        assert!((of("stribeck_friction", &["payload", "coulomb_friction"]) - CURVE_REST).abs() < 1e-9);
+        assert_eq!(of("stribeck_friction", &["payload", "floor_friction"]), 0.0);
+        assert_eq!(of("coulomb_friction", &["coulomb_friction"]), 0.0, "another wheel's");
+        assert_eq!(of("payload", &["coulomb_friction"]), 0.0);
     }
 
     #[test]

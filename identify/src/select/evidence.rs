@@ -23,7 +23,6 @@ const REPLICATES: usize = 200;
 
 /// Evidence on validation runs and references, and the first gate that it does not pass.
 pub(super) fn judge(data: &Round, fitted: &Fitted, threshold: f64) -> Finalist {
-    let threshold = threshold.max(data.curve_bar(fitted.position));
     let member = fitted.fit.members[0].clone();
     let mut finalist = Finalist {
         position: fitted.position,
@@ -78,8 +77,19 @@ pub(super) fn judge(data: &Round, fitted: &Fitted, threshold: f64) -> Finalist {
     if let Some(metric) = data.reference_metric {
         finalist.in_references = amplitude_in_references(data, metric, &alone, own_stages).unwrap_or(0.0);
     }
-    finalist.because = gate(data, &finalist, threshold);
+    finalist.because = gate(data, &finalist, threshold).or_else(|| law_rest(data, fitted, threshold));
     finalist
+}
+
+/// The laws of the named effects may have left what it explains.
+fn law_rest(data: &Round, fitted: &Fitted, threshold: f64) -> Option<String> {
+    let own = data.own_part(fitted);
+    (!data.members.is_empty() && own < threshold).then(|| {
+        format!(
+            "all but {own:.0} of the {:.0} that it explains may be what the laws of the effects named so far leave where they act",
+            fitted.fit.gain
+        )
+    })
 }
 
 /// Bootstrap of the validation windows: share of replicates with more energy than before. A run in which an effect does not act (a limit

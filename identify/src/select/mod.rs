@@ -3,9 +3,11 @@
 mod curve;
 mod evidence;
 mod fits;
+mod law_rest;
 mod round;
 mod split;
 
 pub use evidence::window_energies;
-pub use round::{Finalist, Round, Sensitivities, Side, Stop, round, slack_of};
+pub use law_rest::{Explained, decrease, energies};
+pub use round::{Finalist, Round, Sensitivities, Side, Stop, difference, round, slack_of};
 pub use split::{Role, roles};

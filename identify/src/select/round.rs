@@ -2,9 +2,9 @@
 
 use twin::effect::Effect;
 
-use super::curve;
 use super::evidence::{judge, stability};
 use super::fits::fits;
+use super::law_rest::{Explained, decrease, energies, expected};
 use crate::fit::{Fit, Member};
 use crate::floor::{Floor, Metric};
 use crate::hypothesis::{Candidate, Hypothesis};
@@ -42,15 +42,9 @@ const MAJORITY: f64 = 0.5;
 const SAME: f64 = 0.95;
 /// Difference of gains, as a share, that the laws' own inaccuracy makes.
 pub(super) const LAW_SHARE: f64 = 0.02;
-/// Part of what is explained that the laws of the explanation leave as a rest of their own. Such a rest is of many kinds: an effect that
-/// explains this share of what is left is no part of it.
-const LAW_REST: f64 = 0.01;
-const REST_SHARE: f64 = 0.3;
 /// An effect beside others needs this many thresholds: what their laws leave passes a threshold that knows chance alone. Without references
 /// several are expected.
 const BESIDE_OTHERS: f64 = 2.0;
-/// No law is truer than this: what explains a smaller share of what is explained already may be its rest, however much of what is left it is.
-const LAW_LEAST: f64 = 0.001;
 
 /// Training and validation side of the data.
 pub struct Side<'a> {
@@ -72,8 +66,8 @@ pub struct Round<'a> {
     pub candidates: &'a [Candidate],
     /// What the model has beyond the floor's.
     pub members: &'a [Member],
-    /// Gain on the training runs of what is already in the model.
-    pub explained: f64,
+    /// What is already in the model explains so much of the training runs.
+    pub explained: Explained,
     pub seed: u64,
 }
 
@@ -82,10 +76,19 @@ impl Round<'_> {
         !core::ptr::eq(self.train.records, self.coarse.records)
     }
 
-    /// Gain that a candidate needs when a part of its curve is in the model.
-    pub(super) fn curve_bar(&self, candidate: usize) -> f64 {
+    /// Part of a fitted candidate's gain on the training runs that cannot be what the laws of the named effects leave.
+    pub(super) fn own_part(&self, fitted: &Fitted) -> f64 {
+        if self.members.is_empty() {
+            return fitted.fit.gain;
+        }
+        let metric = self.train.metric;
+        let before = energies(metric, self.train.records, self.train.residuals);
+        let after = energies(metric, self.train.records, &fitted.fit.residuals);
         let members = self.members.iter().map(|member| member.candidate.entry.name);
-        curve::bar(self.candidates[candidate].entry.name, members, self.explained)
+        let candidate = self.candidates[fitted.position].entry.name;
+        let left = decrease(&before, &expected(metric));
+        self.explained
+            .own_part(&decrease(&before, &after), &left, candidate, members)
     }
 
     /// Residuals of the windows that candidates are screened on, as a share of all.
@@ -234,7 +237,7 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Sensitivities) -> R
     };
     let weak = weak_bar(data, threshold);
     let mut order: Vec<usize> = (0..data.candidates.len())
-        .filter(|c| scores[*c].gain > weak.max(data.curve_bar(*c)) && !is_member(&data.candidates[*c]))
+        .filter(|c| scores[*c].gain > weak && !is_member(&data.candidates[*c]))
         .filter(|c| !kept.is_vain(*c, scores[*c].gain))
         .collect();
     order.sort_by(|a, b| scores[*b].gain.total_cmp(&scores[*a].gain).then(a.cmp(b)));
@@ -253,12 +256,9 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Sensitivities) -> R
     if order.is_empty() {
         return Ok(stop);
     }
-    let law_rest = (LAW_REST * data.explained).min(REST_SHARE * rest_of(data));
     let is_alone = data.members.is_empty() || data.floor.references.is_empty();
     let beside_others = if is_alone { 1.0 } else { BESIDE_OTHERS };
-    let threshold = (beside_others * threshold)
-        .max(law_rest)
-        .max(LAW_LEAST * data.explained);
+    let threshold = beside_others * threshold;
     stop.threshold = threshold;
     let fitted = fits(workers, data, &order, &stop.scores, threshold)?;
     let is_vain = |fitted: &&Fitted| fitted.fit.gain < WANTED * threshold && !fitted.fit.is_given_up;
@@ -328,13 +328,6 @@ pub(super) fn weak_bar(data: &Round, threshold: f64) -> f64 {
     }
 }
 
-/// Energy of the training runs beyond the noise.
-fn rest_of(data: &Round) -> f64 {
-    let metric = data.train.metric;
-    let noise: f64 = (0..metric.run_count()).map(|run| metric.expected(run)).sum();
-    (metric.gram(&[slices(data.train.residuals)]).at(0, 0) - noise).max(0.0)
-}
-
 /// Difference of gains that says nothing, for a gain.
 pub fn slack_of(floor: &Floor) -> impl Fn(f64) -> f64 {
     let chance = VALIDATION_GAIN * floor.inflation();
@@ -393,7 +386,8 @@ fn products(data: &Round, columns: &[Vec<Vec<f64>>]) -> crate::linear::Square {
     gram
 }
 
-pub(super) fn difference(base: &[Vec<f64>], changed: &[Vec<f64>]) -> Vec<Vec<f64>> {
+/// What changed residuals lack of those of a base.
+pub fn difference(base: &[Vec<f64>], changed: &[Vec<f64>]) -> Vec<Vec<f64>> {
     base.iter()
         .zip(changed)
         .map(|(b, c)| b.iter().zip(c).map(|(b, c)| b - c).collect())

@@ -1,0 +1,120 @@
+//! Whether an effect has the same size wherever it acts: a law of another kind, imitated, has not.
+//!
+//! Every window estimates by how much the fitted size should differ in it: the residual's part along the effect's own change there.
+//! Sizes of a true law differ by noise alone, and by what real laws are off; of an imitated one by as much as the size itself. The
+//! variance between windows is that of random effects (DerSimonian and Laird 1986).
+
+use crate::floor::Metric;
+use crate::record::{Chain, Record};
+
+/// Windows with less evidence than this say nothing.
+const LEAST_EVIDENCE: f64 = 0.5;
+/// Fewest windows with evidence.
+const FEWEST: usize = 6;
+
+/// A size that differs from window to window by more than this share of itself, when windows differ by so much more than by chance, is
+/// that of no one law. What a healthy robot's twin is off by lets weak effects differ as much, hardly more than by chance.
+const UNEVEN: f64 = 0.5;
+const SURPRISING: f64 = 5.0;
+
+/// Of one effect.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Evenness {
+    /// Standard deviation of the size from window to window beyond noise, as a share of the size.
+    pub spread: f64,
+    /// Sum of squares of the windows' deviations over that of noise.
+    pub surprise: f64,
+}
+
+impl Evenness {
+    /// The windows ask for sizes that no one law has.
+    pub fn is_uneven(&self) -> bool {
+        self.spread > UNEVEN && self.surprise > SURPRISING
+    }
+}
+
+/// Evenness of one effect; `None` when too few windows say anything.
+///
+/// - `changes`: what the effect changes of the residuals, per run.
+/// - `residuals`: what is left with the effect.
+pub(super) fn evenness(
+    metric: &Metric,
+    records: &[Record],
+    changes: &[Vec<f64>],
+    residuals: &[Vec<f64>],
+) -> Option<Evenness> {
+    let mut windows: Vec<(f64, f64)> = Vec::new();
+    for (run, record) in records.iter().enumerate() {
+        let change = metric.rest(run, &changes[run]);
+        let residual = metric.rest(run, &residuals[run]);
+        let mut from = 0;
+        for window in &record.windows {
+            let to = from + window.drive.len() + window.rolling.as_ref().map_or(0, Chain::len);
+            let pairs = || change[from..to].iter().zip(&residual[from..to]);
+            let evidence: f64 = pairs().map(|(change, _)| change * change).sum();
+            let along: f64 = pairs().map(|(change, residual)| change * residual).sum();
+            if evidence > LEAST_EVIDENCE {
+                windows.push((evidence, along / evidence));
+            }
+            from = to;
+        }
+    }
+    spread(&windows)
+}
+
+/// - `windows`: evidence (one over variance) and deviation of each.
+fn spread(windows: &[(f64, f64)]) -> Option<Evenness> {
+    if windows.len() < FEWEST {
+        return None;
+    }
+    let total: f64 = windows.iter().map(|window| window.0).sum();
+    let squares: f64 = windows.iter().map(|window| window.0 * window.0).sum();
+    let mean = windows
+        .iter()
+        .map(|(evidence, deviation)| evidence * deviation)
+        .sum::<f64>()
+        / total;
+    let around: f64 = windows
+        .iter()
+        .map(|(evidence, deviation)| evidence * (deviation - mean) * (deviation - mean))
+        .sum();
+    let freedom = (windows.len() - 1) as f64;
+    let between = (around - freedom) / (total - squares / total).max(1e-300);
+    Some(Evenness {
+        spread: between.max(0.0).sqrt(),
+        surprise: around / freedom,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Random;
+
+    /// Windows of evidence 100 whose sizes differ by `between`, as a share of the size.
+    fn windows(between: f64) -> Vec<(f64, f64)> {
+        let mut random = Random::new(5, 1);
+        let mut of = |sigma: f64| sigma * random.normal();
+        (0..400).map(|_| (100.0, of(0.1) + of(between))).collect()
+    }
+
+    #[test]
+    fn the_spread_beyond_noise_is_found() {
+        for between in [0.0, 0.3, 2.0] {
+            let found = spread(&windows(between)).expect("windows enough");
+            assert!(
+                (found.spread - between).abs() < 0.05 + 0.1 * between,
+                "{between}: {found:?}"
+            );
+            assert_eq!(found.is_uneven(), between > 1.0, "{found:?}");
+        }
+        assert_eq!(spread(&windows(0.0)[..5]), None);
+    }
+
+    #[test]
+    fn weak_effects_that_differ_hardly_more_than_by_chance_are_let_be() {
+        let weak: Vec<(f64, f64)> = windows(1.0).iter().map(|(_, deviation)| (2.0, *deviation)).collect();
+        let found = spread(&weak).expect("windows enough");
+        assert!(found.spread > UNEVEN && !found.is_uneven(), "{found:?}");
+    }
+}

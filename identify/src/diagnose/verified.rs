@@ -1,0 +1,86 @@
+//! What was named is held against runs that nothing was fitted or chosen on: names that make them worse are no confirmed ones.
+
+use crate::report::schema::Gap;
+
+/// A row is worse when its error has risen by this share, and for sure.
+const WORSE: f64 = 0.05;
+/// Share of the gap that names must explain to be listed although a row is worse.
+const WITHDRAWN: f64 = 0.1;
+
+/// What the unused runs say.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Verified {
+    /// No row is surely worse.
+    Holds,
+    /// One is, and others better: something is missing or is another law.
+    InPart(String),
+    /// One is, and the only name explains next to nothing.
+    Not(String),
+}
+
+/// - `explained`: overall fraction of the gap.
+/// - `names`: number of names; of several some may be right, and which of them do harm these runs must not decide.
+pub(super) fn verified(gaps: &[Gap], explained: Option<f64>, names: usize) -> Verified {
+    // The interval of the error afterwards lies above the error before, and above what the references have of it.
+    let worse = gaps
+        .iter()
+        .filter(|gap| gap.low > gap.before && gap.after > (1.0 + WORSE) * gap.before && gap.after > gap.floor);
+    let share = |gap: &Gap| gap.after / gap.before.max(1e-300);
+    let Some(worst) = worse.max_by(|a, b| share(a).total_cmp(&share(b))) else {
+        return Verified::Holds;
+    };
+    let words = format!(
+        "on runs that were not used the error of {} {:.1} s ahead rises from {:.2e} to {:.2e} {} with it",
+        worst.channel, worst.horizon_s, worst.before, worst.after, worst.unit
+    );
+    if names == 1 && explained.unwrap_or(0.0) < WITHDRAWN {
+        Verified::Not(words)
+    } else {
+        Verified::InPart(words)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(channel: &str, floor: f64, before: f64, after: f64) -> Gap {
+        Gap {
+            channel: channel.to_owned(),
+            horizon_s: 0.5,
+            unit: "A".to_owned(),
+            floor,
+            before,
+            after,
+            low: 0.9 * after,
+            high: 1.1 * after,
+            explained_fraction: None,
+        }
+    }
+
+    #[test]
+    fn names_that_make_unused_runs_worse_are_withdrawn_or_unproven() {
+        let better = row("pose", 0.004, 0.02, 0.005);
+        let worse = row("current", 0.09, 0.10, 0.17);
+        assert_eq!(verified(core::slice::from_ref(&better), Some(0.9), 1), Verified::Holds);
+        let both = [better, worse.clone()];
+        assert!(matches!(verified(&both, Some(0.7), 1), Verified::InPart(words) if words.contains("current")));
+        assert!(matches!(verified(&both, Some(-0.2), 1), Verified::Not(_)));
+        assert!(matches!(verified(&both, Some(-0.2), 2), Verified::InPart(_)));
+        assert!(matches!(verified(&[worse], None, 1), Verified::Not(_)));
+    }
+
+    #[test]
+    fn what_may_be_chance_or_is_below_the_floor_is_not_worse() {
+        assert_eq!(
+            verified(&[row("current", 0.09, 0.10, 0.11)], None),
+            Verified::Holds,
+            "chance"
+        );
+        assert_eq!(
+            verified(&[row("current", 0.20, 0.10, 0.17)], None),
+            Verified::Holds,
+            "below the floor"
+        );
+    }
+}
