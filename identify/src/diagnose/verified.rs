@@ -73,12 +73,12 @@ mod tests {
     #[test]
     fn what_may_be_chance_or_is_below_the_floor_is_not_worse() {
         assert_eq!(
-            verified(&[row("current", 0.09, 0.10, 0.11)], None),
+            verified(&[row("current", 0.09, 0.10, 0.11)], None, 1),
             Verified::Holds,
             "chance"
         );
         assert_eq!(
-            verified(&[row("current", 0.20, 0.10, 0.17)], None),
+            verified(&[row("current", 0.20, 0.10, 0.17)], None, 1),
             Verified::Holds,
             "below the floor"
         );
