@@ -5,6 +5,7 @@
 //! `model`; further words are `gains=tuned`, `horizon=S`, `bias=false`, `round=N`.
 
 use anyhow::{Context, Result, anyhow, bail};
+use control::answer::Answer;
 use control::interaction::Settings;
 use control::law::{Piece, Place};
 use control::path_error::PathError;
@@ -123,6 +124,11 @@ impl Subject {
         };
         let mut team = Team::new(&scenario).map_err(|problems| anyhow!("{problems:?}"))?;
         if let Some(model) = self.model(who)? {
+            let answer = Answer::of(&model);
+            println!(
+                "answer: driving {:.3} s, turning {:.3} s",
+                answer.driving_s, answer.turning_s
+            );
             team = team.with_interaction(std::slice::from_ref(&model), settings);
         }
         let mut rig = Rig::with_team(&scene, &rig_settings, &scenario, team)?;

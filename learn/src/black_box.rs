@@ -54,7 +54,7 @@ struct Trail {
 }
 
 impl BlackBox {
-    /// Trains it; the weights with the least loss on the validation windows are kept. `None` when no input varies.
+    /// Trains it; the weights with the least loss on the validation windows are kept, and that loss. `None` when no input varies.
     ///
     /// - `robot`: gives the meaning of the quantities; none of its physics is used but the nominal geometry.
     pub fn trained(
@@ -64,7 +64,7 @@ impl BlackBox {
         validation: &[Window],
         settings: &Settings,
         go_on: &mut dyn FnMut(usize, f64) -> bool,
-    ) -> Option<BlackBox> {
+    ) -> Option<(BlackBox, f64)> {
         // Quantities that only the twin could give it on the way are left out.
         let eyes: Vec<Eye> = eyes
             .iter()
@@ -117,7 +117,7 @@ impl BlackBox {
             }
         }
         own.network = best;
-        Some(own)
+        Some((own, least))
     }
 
     fn untrained(robot: &Robot, eyes: &[Eye], train: &[Window], settings: &Settings) -> Option<BlackBox> {

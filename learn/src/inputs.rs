@@ -13,6 +13,11 @@ pub enum Sight {
     Motion,
     /// The same and the place on the floor with the heading.
     Place,
+    /// What the robot was told over the last 0.4 s, as twists, and nothing of what it does: for robots without motors, whose
+    /// network gives set-points. What comes out does not come in again, so it cannot run away.
+    Told,
+    /// [`Sight::Motion`] and [`Sight::Told`]: for the rival of the latter.
+    Everything,
 }
 
 /// One input by its meaning.
@@ -38,6 +43,13 @@ const MOTION: [(&str, bool); 8] = [
     ("command_wheel_rad_per_s", true),
     ("command_steering_rad", false),
 ];
+const TOLD: [&str; 3] = [
+    "command_forward_m_per_s",
+    "command_left_m_per_s",
+    "command_yaw_rate_rad_per_s",
+];
+/// Look backs of what it was told, control ticks.
+const TOLD_TICKS: [usize; 6] = [0, 6, 12, 20, 32, 48];
 const PLACE: [&str; 4] = ["x_m", "y_m", "heading_cos", "heading_sin"];
 /// Smallest standard deviation over the training data at which an input is kept, by unit.
 const LEAST_VARIATION: [(&str, f64); 5] = [
@@ -80,11 +92,21 @@ pub fn eyes(robot: &RobotDescription, sight: Sight) -> Vec<Eye> {
             ticks_ago,
         }));
     };
-    for (name, _) in MOTION {
-        add(name, 0);
+    if sight != Sight::Told {
+        for (name, _) in MOTION {
+            add(name, 0);
+        }
+        for (name, _) in MOTION.iter().filter(|(_, history)| *history) {
+            add(name, HISTORY_TICKS);
+        }
     }
-    for (name, _) in MOTION.iter().filter(|(_, history)| *history) {
-        add(name, HISTORY_TICKS);
+    if matches!(sight, Sight::Told | Sight::Everything) {
+        for name in TOLD {
+            TOLD_TICKS.into_iter().for_each(|ticks_ago| add(name, ticks_ago));
+        }
+    }
+    if sight == Sight::Told {
+        add("command_steering_rad", 0);
     }
     if sight == Sight::Place {
         for name in PLACE {

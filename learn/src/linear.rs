@@ -1,14 +1,17 @@
-//! The twin's error in a window, linear in accelerations of its body.
+//! The twin's error in a window, linear in the network's outputs: accelerations of its body, and set-points where it has no motors.
 //!
 //! ```text
-//! e(a) = e_0 - J (a - a_0)          a: 3 accelerations per block of 0.2 s, a_0: those of the network then
+//! e(a) = e_0 - J (a - a_0)          a: outputs per block of 0.2 s, a_0: those of the network then
 //! loss = sum w e^2 = energy - 2 pull . (a - a_0) + (a - a_0)' gram (a - a_0)
 //! ```
 //!
-//! J by finite differences: one simulation per block and acceleration. The twin stays a black box to the training, wheels
+//! J by finite differences: one simulation per block and output. The twin stays a black box to the training, wheels
 //! that hold their speed and slip answer as they do, and errors of the pose count over the whole horizon, so that noise of
 //! the measurements is never differentiated.
 
+use std::ops::Range;
+
+pub use twin::residual::AXES;
 use twin::residual::OUTPUTS;
 use twin::robot::Robot;
 
@@ -17,14 +20,12 @@ use crate::inputs::{Eye, Watch};
 use crate::rollout::driven;
 use crate::window::Window;
 
-/// Number of accelerations.
-pub const AXES: usize = OUTPUTS.len();
 /// Control ticks of a block.
 const BLOCK_TICKS: u64 = 24;
 /// Every which control tick's inputs the network is trained on.
 const SAMPLED_TICKS: u64 = 3;
-/// Accelerations of a probe, in the order of [`OUTPUTS`].
-const PROBE: [f64; AXES] = [0.2, 0.2, 1.0];
+/// Outputs of a probe, in the order of [`AXES`].
+const PROBE: [f64; AXES] = [0.2, 0.2, 1.0, 0.02, 0.02, 0.1];
 /// Differences beyond this many typical errors count less, as if they grew linearly (Huber 1964).
 const HUBER: f64 = 3.0;
 
@@ -112,7 +113,15 @@ fn blocks(window: &Window, target: Target) -> (usize, u64) {
 }
 
 /// Linearises a window; `None` when the twin cannot be driven through it.
-pub fn linearised(robot: &Robot, window: &Window, eyes: &[Eye], scales: &Scales, target: Target) -> Option<Problem> {
+///
+/// - `axes`: outputs of the network among [`AXES`]; the others stay 0.
+pub fn linearised(
+    robot: &Robot,
+    window: &Window,
+    (eyes, axes): (&[Eye], &Range<usize>),
+    scales: &Scales,
+    target: Target,
+) -> Option<Problem> {
     let (blocks, ticks) = blocks(window, target);
     let poses = target == Target::Path;
     let mut watch = Watch::new(robot, eyes);
@@ -136,6 +145,10 @@ pub fn linearised(robot: &Robot, window: &Window, eyes: &[Eye], scales: &Scales,
     let mut columns: Vec<Vec<f64>> = Vec::with_capacity(width);
     for block in 0..blocks as u64 {
         for axis in 0..AXES {
+            if !axes.contains(&axis) {
+                columns.push(vec![0.0; base.len()]);
+                continue;
+            }
             let mut push = [0.0; AXES];
             push[axis] = PROBE[axis];
             let probed = driven(robot, window, &mut |tick| {
@@ -173,7 +186,8 @@ pub fn linearised(robot: &Robot, window: &Window, eyes: &[Eye], scales: &Scales,
 }
 
 impl Problem {
-    /// The one constant acceleration that explains the window best, with a little weight on none.
+    /// The one constant acceleration that explains the window best, and the one constant change of the set-points, each alone,
+    /// with a little weight on none.
     pub fn constant(&self) -> [f64; AXES] {
         let width = AXES * self.blocks;
         let (mut matrix, mut right) = ([[0.0; AXES]; AXES], [0.0; AXES]);
@@ -183,15 +197,20 @@ impl Problem {
                 matrix[i % AXES][j % AXES] += self.gram[i * width + j];
             }
         }
-        let mut square = identify::linear::Square::zero(AXES);
-        for (i, row) in matrix.iter().enumerate() {
-            for (j, value) in row.iter().enumerate() {
-                // An axis that nothing answers to stays 0.
-                square.set(i, j, if i == j { value * 1.001 + 1e-6 } else { *value });
+        let mut constant = [0.0; AXES];
+        for first in [0, OUTPUTS.len()] {
+            let axes = first..(first + OUTPUTS.len()).min(AXES);
+            let mut square = identify::linear::Square::zero(axes.len());
+            for (i, row) in matrix[axes.clone()].iter().enumerate() {
+                for (j, value) in row[axes.clone()].iter().enumerate() {
+                    // An axis that nothing answers to stays 0.
+                    square.set(i, j, if i == j { value * 1.001 + 1e-6 } else { *value });
+                }
             }
+            let found = square.cholesky().solve(&right[axes.clone()]);
+            constant[axes].copy_from_slice(&found);
         }
-        let found = square.cholesky().solve(&right);
-        [found[0], found[1], found[2]]
+        constant
     }
 
     /// Loss and its gradient in the outputs, for a change of the outputs.

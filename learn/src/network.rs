@@ -57,6 +57,11 @@ impl Network {
         &self.sizes
     }
 
+    /// Number of outputs.
+    pub fn outputs(&self) -> usize {
+        self.sizes.last().copied().unwrap_or(0)
+    }
+
     /// Outputs of normalised inputs; `pass` keeps what [`Network::backward`] needs.
     pub fn forward<'a>(&self, inputs: &[f64], pass: &'a mut Pass) -> &'a [f64] {
         pass.units.clear();

@@ -4,6 +4,7 @@ use twin::MAX_WHEELS;
 use twin::free::RobotState;
 use twin::pose::wrapped_rad;
 use twin::replay::{Tick, replay_pushed};
+use twin::residual::AXES;
 use twin::robot::Robot;
 
 use crate::window::Window;
@@ -36,8 +37,12 @@ impl Predictor for Robot {
 
 /// The twin driven through a window.
 ///
-/// - `push`: accelerations besides the model's own; see [`replay_pushed`].
-pub fn driven(robot: &Robot, window: &Window, push: &mut dyn FnMut(&Tick) -> Option<[f64; 3]>) -> Option<Vec<Moment>> {
+/// - `push`: outputs besides the model's own; see [`replay_pushed`].
+pub fn driven(
+    robot: &Robot,
+    window: &Window,
+    push: &mut dyn FnMut(&Tick) -> Option<[f64; AXES]>,
+) -> Option<Vec<Moment>> {
     let mut start = window.start;
     if robot.description().motor.is_none() {
         start.current_a = Default::default();

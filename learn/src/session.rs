@@ -133,10 +133,14 @@ pub fn learn(workers: &dyn Workers, request: &Request<'_>) -> Result<Outcome, Le
         robot: &robot,
         windows: &windows,
     };
+    let mut sights = request.sights.clone();
+    if robot.description().motor.is_none() && request.target == Target::Path {
+        sights.push(Sight::Told);
+    }
     let mut attempts = Vec::new();
     let mut best: Option<(usize, Learner, f64)> = None;
-    for (number, sight) in request.sights.iter().enumerate() {
-        let share = 0.1 + 0.6 * number as f64 / request.sights.len() as f64;
+    for (number, sight) in sights.iter().enumerate() {
+        let share = 0.1 + 0.6 * number as f64 / sights.len() as f64;
         let (attempt, learner) = context.attempt(*sight, share)?;
         let least = best
             .as_ref()
@@ -179,23 +183,33 @@ pub fn learn(workers: &dyn Workers, request: &Request<'_>) -> Result<Outcome, Le
         }
     }
     workers.progress("black box", 0.75);
-    let sight = carried
-        .as_ref()
-        .map_or(request.sights.first().copied(), |(number, ..)| {
-            Some(request.sights[*number])
-        });
-    let black_box = BlackBox::trained(
-        &robot,
-        &eyes(robot.description(), sight.unwrap_or(Sight::Motion)),
-        &windows.black_box.windows,
-        &windows.validation.windows,
-        &request.settings,
-        &mut |_, _| !workers.is_cancelled(),
-    );
+    let chosen = carried.as_ref().map_or(0, |(number, ..)| *number);
+    let sight = sights.get(chosen).copied().unwrap_or(Sight::Motion);
+    // The rival sees what the network saw, and what the robot does in any case; of two the better one on the validation runs.
+    let rivals = match sight {
+        Sight::Told => vec![Sight::Motion, Sight::Everything],
+        other => vec![other],
+    };
+    let mut black_box: Option<(BlackBox, f64)> = None;
+    for sight in rivals {
+        let rival = BlackBox::trained(
+            &robot,
+            &eyes(robot.description(), sight),
+            &windows.black_box.windows,
+            &windows.validation.windows,
+            &request.settings,
+            &mut |_, _| !workers.is_cancelled(),
+        );
+        if let Some(rival) = rival
+            && black_box.as_ref().is_none_or(|best| rival.1 < best.1)
+        {
+            black_box = Some(rival);
+        }
+    }
     workers.progress("compare", 0.95);
     let rivals = Rivals {
         physics: &robot,
-        black_box: black_box.as_ref().map(|rival| rival as &dyn Predictor),
+        black_box: black_box.as_ref().map(|(rival, _)| rival as &dyn Predictor),
         residual: carried.as_ref().map(|(.., with)| with as &dyn Predictor),
     };
     let (locked, locked_runs) = figures(workers, &windows.locked.windows, rivals, &survey.paths())?;

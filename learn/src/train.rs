@@ -1,5 +1,7 @@
 //! A network on linearised windows: Adam on batches, early stopping on the windows of other runs.
 
+use std::ops::Range;
+
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::SeedableRng;
 
@@ -46,16 +48,26 @@ impl Default for Settings {
 pub struct Learner {
     pub network: Network,
     pub frame: Frame,
-    /// Acceleration per unit of the outputs.
+    /// Its first output among [`AXES`].
+    pub first: usize,
+    /// Acceleration, or set-point, per unit of the outputs.
     pub scale: [f64; AXES],
 }
 
 impl Learner {
-    /// Accelerations of a row of inputs in their units, without fade and limits.
+    /// Outputs of a row of inputs in their units, without fade and limits; 0 for those that the robot does not have.
     pub fn outputs(&self, inputs: &[f64], normalised: &mut Vec<f64>, pass: &mut Pass) -> [f64; AXES] {
         self.frame.normalised(inputs, normalised);
         let units = self.network.forward(normalised, pass);
-        core::array::from_fn(|axis| self.scale[axis] * units[axis])
+        core::array::from_fn(|axis| {
+            let unit = axis.checked_sub(self.first).and_then(|place| units.get(place));
+            unit.map_or(0.0, |unit| self.scale[axis] * unit)
+        })
+    }
+
+    /// Its outputs among [`AXES`].
+    pub fn axes(&self) -> Range<usize> {
+        self.first..self.first + self.network.outputs()
     }
 
     /// Mean outputs of every block of a problem.
@@ -84,7 +96,7 @@ impl Learner {
         let change: Vec<f64> = outputs.iter().zip(before).map(|(a, b)| a - b).collect();
         let mut slope = vec![0.0; change.len()];
         let mut loss = problem.loss(&change, &mut slope);
-        let share = rest / outputs.len() as f64;
+        let share = rest / (problem.blocks * self.network.outputs()) as f64;
         for (k, output) in outputs.iter().enumerate() {
             let scale = self.scale[k % AXES];
             loss += share * output * output / (scale * scale);
@@ -94,8 +106,10 @@ impl Learner {
         let width = self.frame.eyes.len();
         let (mut normalised, mut pass) = (Vec::new(), Pass::default());
         for (number, block) in problem.inputs.chunks_exact(width * problem.rows).enumerate() {
-            let of_units: [f64; AXES] =
-                core::array::from_fn(|axis| slope[AXES * number + axis] * self.scale[axis] / problem.rows as f64);
+            let of_units: Vec<f64> = self
+                .axes()
+                .map(|axis| slope[AXES * number + axis] * self.scale[axis] / problem.rows as f64)
+                .collect();
             for row in block.chunks_exact(width) {
                 self.frame.normalised(row, &mut normalised);
                 self.network.forward(&normalised, &mut pass);

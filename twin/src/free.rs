@@ -137,6 +137,13 @@ impl FreeRobot {
         ];
     }
 
+    /// Twist of slip-free rolling that the wheels do from now on besides what they are told, `[m/s, m/s, rad/s]`.
+    ///
+    /// - `robot`: the one it was made from.
+    pub fn shift(&mut self, robot: &Robot, twist: [f64; 3]) {
+        self.runtime.get_or_insert_with(|| robot.plain_runtime()).shift = twist;
+    }
+
     /// Integrates every 480 Hz sample of the speed loops in `refinement` equal steps (1 in the world). For convergence tests.
     pub fn with_refinement(mut self, refinement: u32) -> FreeRobot {
         self.refinement = refinement.max(1);
@@ -205,6 +212,7 @@ pub(crate) fn substep(model: &Model, runtime: &mut Option<Runtime>, state: &mut 
 fn substep_with(runtime: &mut Runtime, state: &mut BodyState, command: &WheelCommand, refinement: u32) {
     let command = runtime.commanded(command);
     runtime.prepare(state);
+    let command = runtime.shifted(command);
     if let Some(drives) = &mut runtime.drives {
         return motor_control::substep(drives, &runtime.live, state, &command, refinement);
     }

@@ -56,6 +56,17 @@ pub(crate) fn wheel_speeds(model: &Model, twist: BodyTwist, last_steering_rad: f
     command
 }
 
+/// Set-points with a twist of slip-free rolling besides, at the steering angle as it is told.
+pub(crate) fn shifted(model: &Model, mut command: WheelCommand, [u, v, r]: [f64; 3]) -> WheelCommand {
+    let steering = model.steering.as_ref();
+    let geometry = model.geometry_at(steering.map_or(0.0, |steering| steering.limited_rad(command.steering_rad)));
+    for lane in (0..model.lanes).filter(|lane| model.driven[*lane]) {
+        let speed = geometry.cos[lane] * u + geometry.sin[lane] * v + geometry.arm_along_m[lane] * r;
+        command.wheel_rad_per_s[model.wheel_of_lane[lane]] += speed / model.radius_m[lane];
+    }
+    command
+}
+
 pub(crate) fn twist_of_wheels(model: &Model, command: &WheelCommand) -> BodyTwist {
     let steering_rad = model
         .steering

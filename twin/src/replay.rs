@@ -7,6 +7,7 @@ use crate::command::WheelCommand;
 use crate::effect::History;
 use crate::free::{FreeRobot, RobotState, Start};
 use crate::pose::Pose;
+use crate::residual::AXES;
 use crate::robot::Robot;
 use crate::twist::BodyTwist;
 use crate::{MAX_WHEELS, PHYSICS_RATE_HZ, SUBSTEPS};
@@ -158,7 +159,8 @@ pub struct Tick {
 /// The same with further accelerations on the body, as if the learned residual gave them besides its own.
 ///
 /// - `push`: called at the start of every control tick; accelerations of the centre of mass, `[m/s^2, m/s^2, rad/s^2]` in
-///   the body frame, held for the tick; `None` keeps the ones before (none at the start).
+///   the body frame, then set-points besides those told, `[m/s, m/s, rad/s]`, as the residual's outputs; held for the tick;
+///   `None` keeps the ones before (none at the start).
 /// - Errors: as [`replay_from`].
 pub fn replay_pushed(
     robot: &Robot,
@@ -166,13 +168,13 @@ pub fn replay_pushed(
     held: HeldCommand,
     earlier: &[CommandRow],
     rows: &[CommandRow],
-    push: &mut dyn FnMut(&Tick) -> Option<[f64; 3]>,
+    push: &mut dyn FnMut(&Tick) -> Option<[f64; AXES]>,
 ) -> Result<Vec<ReplayRow>, ReplayError> {
     replay_with(robot, start, held, earlier, rows, Some(push))
 }
 
 /// What is asked at the start of every control tick.
-type Push<'a> = &'a mut dyn FnMut(&Tick) -> Option<[f64; 3]>;
+type Push<'a> = &'a mut dyn FnMut(&Tick) -> Option<[f64; AXES]>;
 
 fn replay_with(
     robot: &Robot,
@@ -210,8 +212,11 @@ fn replay_with(
                     state: free.state(),
                     command: held.command(),
                 };
-                if let Some(accelerations) = push(&tick) {
-                    free.push(robot, accelerations);
+                if let Some([x, y, turn, shift @ ..]) = push(&tick) {
+                    free.push(robot, [x, y, turn]);
+                    if robot.description().motor.is_none() {
+                        free.shift(robot, shift);
+                    }
                 }
             }
             free.step(&held.command());

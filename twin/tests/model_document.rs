@@ -98,7 +98,7 @@ fn the_example_of_the_document_is_a_model() {
 
 #[test]
 fn the_document_lists_the_inputs_and_limits_of_the_code() {
-    use twin::residual::{INPUTS, MAX_LAYERS, MAX_TICKS_AGO, MAX_UNITS, OUTPUTS};
+    use twin::residual::{AXES, INPUTS, MAX_LAYERS, MAX_TICKS_AGO, MAX_UNITS, OUTPUTS, SHIFTS};
     let page = page();
     for entry in INPUTS {
         let row = page
@@ -110,15 +110,15 @@ fn the_document_lists_the_inputs_and_limits_of_the_code() {
             entry.name
         );
     }
-    for (name, unit, largest) in OUTPUTS {
+    for (name, unit, largest) in OUTPUTS.into_iter().chain(SHIFTS) {
         assert!(
             page.contains(&format!("`{name}`")) && page.contains(&format!("{largest} {unit}")),
             "{name}"
         );
     }
-    let most_weights = (MAX_LAYERS - 1) * MAX_UNITS * MAX_UNITS + OUTPUTS.len() * MAX_UNITS;
-    assert_eq!(most_weights, 12_480);
-    assert!(page.contains("12 480 weights"));
+    let most_weights = (MAX_LAYERS - 1) * MAX_UNITS * MAX_UNITS + AXES * MAX_UNITS;
+    assert_eq!(most_weights, 12_672);
+    assert!(page.contains("12 672 weights"));
     assert!(page.contains(&format!("1 to {MAX_LAYERS} layers of 1 to {MAX_UNITS} units")));
     assert!(page.contains(&format!("0 to {MAX_TICKS_AGO} |")));
 }

@@ -8,7 +8,7 @@ use twin::command::WheelCommand;
 use twin::free::FreeRobot;
 use twin::math::tanh;
 use twin::pose::Pose;
-use twin::residual::{Activation, Input, Layer, OUTPUTS, Output, Quantity, Residual, ResidualDocument};
+use twin::residual::{Activation, Input, Layer, OUTPUTS, Output, Quantity, Residual, ResidualDocument, SHIFTS};
 use twin::robot::{Robot, RobotDescription};
 use twin::{CONTROL_PERIOD_S, GRAVITY_M_PER_S2};
 
@@ -316,4 +316,19 @@ fn a_robot_that_holds_its_wheels_answers_with_current() {
     let held = -19.2 * 0.031 * state.current_a[0];
     assert!((held - torque).abs() <= most, "{held} N m against {torque} N m");
     assert!(state.twist.forward_m_per_s.abs() < 0.01);
+}
+
+#[test]
+fn set_points_are_for_robots_without_motors() {
+    let mut residual = constant(SHIFTS[0].0, 0.2);
+    residual.outputs[0].limit = 1.0;
+    let refused = Robot::with_model(diff2(), &[], Some(&residual)).unwrap_err();
+    assert_eq!(refused.field, "residual.outputs[0].name");
+    let mut description = diff2();
+    description.motor = None;
+    let robot = with_residual(description, &residual);
+    let mut free = FreeRobot::at_rest(&robot, Pose::default());
+    (0..960).for_each(|_| free.step(&WheelCommand::default()));
+    let speed = free.state().twist.forward_m_per_s;
+    assert!((speed - 0.2).abs() < 1e-3, "{speed} m/s without a command");
 }

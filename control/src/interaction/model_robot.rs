@@ -6,7 +6,7 @@
 //! fresh = measured P(now - age - dead)^-1 P(now)
 //! x    <- x m_k exp(b T);   x <- x (2 w T nu),  b <- b + w_b^2 T nu,     nu = x^-1 fresh
 //! ```
-//! `x` is where the robot will be when the command of now takes effect; `b` is what the model does not say of its velocity.
+//! `x` is where the robot will be seen when the command of now takes effect; `b` is what the model does not say of its velocity.
 
 use twin::SUBSTEPS;
 use twin::free::FreeRobot;
@@ -43,6 +43,8 @@ const LONGEST_TICK_RAD: f64 = 0.5;
 
 #[derive(Debug)]
 pub(super) struct ModelRobot {
+    /// Its poses are those that a tracker sees of it: marker and cameras are part of the model.
+    model: Robot,
     free: FreeRobot,
     at_rest: FreeRobot,
     /// Of the model itself.
@@ -61,6 +63,7 @@ impl ModelRobot {
     pub(super) fn new(model: &Robot, learns_bias: bool) -> ModelRobot {
         let at_rest = FreeRobot::at_rest(model, Pose::default());
         ModelRobot {
+            model: model.clone(),
             free: at_rest.clone(),
             at_rest,
             answer: Answer::of(model),
@@ -90,7 +93,7 @@ impl ModelRobot {
             self.placed = false;
             return false;
         }
-        let here = self.free.pose();
+        let here = self.pose();
         let off = between(&motion(&here), &motion(&fresh));
         let off = Motion {
             yaw_rad: wrap(off.yaw_rad),
@@ -100,7 +103,7 @@ impl ModelRobot {
         let was_placed = self.placed;
         self.placed = true;
         if !(was_placed && near) {
-            self.free.lay(fresh);
+            self.lay(fresh);
             self.bias = BodyTwist::default();
             return !was_placed;
         }
@@ -109,7 +112,7 @@ impl ModelRobot {
             at: [share * off.at[0], share * off.at[1]],
             yaw_rad: share * off.yaw_rad,
         };
-        self.free.lay(moved(&here, &part));
+        self.lay(moved(&here, &part));
         if self.learns_bias {
             self.learn(&off);
         }
@@ -119,11 +122,11 @@ impl ModelRobot {
     /// A command has gone out; it holds for a tick.
     pub(super) fn follow(&mut self, command: &SafeCommand) {
         self.told = command.twist();
-        let before = motion(&self.free.pose());
+        let before = motion(&self.pose());
         let wheels = command.wheel_command();
         self.steering_rad = wheels.steering_rad;
         (0..SUBSTEPS).for_each(|_| self.free.step(&wheels));
-        let mut way = between(&before, &motion(&self.free.pose()));
+        let mut way = between(&before, &motion(&self.pose()));
         way.yaw_rad = wrap(way.yaw_rad);
         let possible =
             self.free.is_finite() && length(way.at) <= LONGEST_TICK_M && way.yaw_rad.abs() <= LONGEST_TICK_RAD;
@@ -144,13 +147,17 @@ impl ModelRobot {
                 y_m: before.at[1],
                 yaw_rad: before.yaw_rad,
             };
-            self.free.lay(moved(&from, &way));
+            self.lay(moved(&from, &way));
         }
     }
 
-    /// Where the robot will be when the command of now takes effect.
+    /// Where the robot will be seen when the command of now takes effect.
     pub(super) fn pose(&self) -> Pose {
-        self.free.pose()
+        self.model.seen_pose(self.free.pose())
+    }
+
+    fn lay(&mut self, seen: Pose) {
+        self.free.lay(self.model.pose_seen_at(seen));
     }
 
     pub(super) fn free(&self) -> &FreeRobot {
@@ -169,7 +176,7 @@ impl ModelRobot {
 
     #[cfg(test)]
     pub(super) fn spoil(&mut self, value: f64) {
-        self.free.lay(Pose {
+        self.lay(Pose {
             x_m: value,
             y_m: value,
             yaw_rad: 0.0,

@@ -37,9 +37,11 @@ const RESIDUALS: usize = 3 * SAMPLES;
 /// A radian counts this many metres.
 const LEVER_HOLONOMIC_M: f64 = 0.2;
 const LEVER_M: f64 = 0.1;
-/// What a correction of size 1 costs, m2, and how much of it a change costs.
-const COST_M2: f64 = 0.003;
-const CHANGE_SHARE: f64 = 1.0;
+/// What a correction of size 1 costs, m2, and how many times as much a change costs. A standing correction must be cheap - it is
+/// what the model knows to be wrong, and its cost is error that stays -, a change dear: the Jacobian is up to 18 turns old, and
+/// steps that trust it grow into oscillations.
+const COST_M2: f64 = 0.0003;
+const CHANGE_SHARE: f64 = 20.0;
 /// Sizes of the components: m/s, m/s, rad/s, or 1/m.
 const SIZES: [f64; COMPONENTS] = [1.0, 1.0, 6.0];
 const SIZE_PER_M: f64 = 8.0;
@@ -199,7 +201,7 @@ impl Plan {
         self.scratch.copy_from(model.free());
         let mut told = model.told();
         let mut steering_rad = model.steering_rad();
-        let mut own = self.scratch.pose();
+        let mut own = self.model.seen_pose(self.scratch.pose());
         let mut expected = own;
         let mut residuals = [0.0; RESIDUALS];
         let mut tick = 0;
@@ -213,7 +215,7 @@ impl Plan {
                 (0..SUBSTEPS).for_each(|_| self.scratch.step(&wheels));
                 tick += 1;
             }
-            let next = self.scratch.pose();
+            let next = self.model.seen_pose(self.scratch.pose());
             let mut way = between(&motion(&own), &motion(&next));
             way.yaw_rad = wrap(way.yaw_rad);
             own = next;

@@ -10,7 +10,7 @@ pub use onnx as proto;
 use prost::Message;
 use serde_json::{Value, json};
 use twin::model_document::ModelDocument;
-use twin::residual::{Activation, INPUTS, Input, OUTPUTS, ResidualDocument};
+use twin::residual::{Activation, INPUTS, Input, OUTPUTS, ResidualDocument, SHIFTS};
 
 use onnx::{
     Attribute, Dimension, Entry, FLOAT, Graph, INT, INTS, Model, Node, OperatorSet, Shape, Tensor, TensorType, Type,
@@ -100,6 +100,7 @@ fn metadata(model: &ModelDocument, residual: &ResidualDocument) -> Vec<Entry> {
         .map(|output| {
             let unit = OUTPUTS
                 .iter()
+                .chain(&SHIFTS)
                 .find(|(name, ..)| *name == output.name)
                 .map_or("", |(_, unit, _)| *unit);
             json!({"name": output.name, "unit": unit, "limit": output.limit})

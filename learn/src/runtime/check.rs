@@ -3,7 +3,7 @@
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::SeedableRng;
 use twin::model_document::ModelDocument;
-use twin::residual::{Activation, OUTPUTS, Residual, ResidualDocument};
+use twin::residual::{Activation, OUTPUTS, Residual, ResidualDocument, SHIFTS};
 
 use super::{Runtime, RuntimeError};
 use crate::network::uniform;
@@ -42,11 +42,15 @@ pub fn check(runtime: &Runtime, model: &ModelDocument, bytes: &[u8]) -> Result<O
     let (mut of_twin, mut of_training) = (0.0_f64, 0.0_f64);
     for (row, found) in inputs.chunks_exact(width).zip(outputs.chunks_exact(count)) {
         let row: Vec<f64> = row.iter().map(|value| f64::from(*value)).collect();
-        let expected = twin.accelerations(&row);
+        let expected = twin.outputs(&row);
         let trained = evaluated(document, &row);
         for (position, (found, trained)) in found.iter().zip(trained).enumerate() {
             let name = &document.outputs[position].name;
-            let place = OUTPUTS.iter().position(|(other, ..)| other == name).unwrap_or(0);
+            let place = OUTPUTS
+                .iter()
+                .chain(&SHIFTS)
+                .position(|(other, ..)| other == name)
+                .unwrap_or(0);
             // A difference that is no number counts as the largest.
             let difference = |other: f64| {
                 let size = (f64::from(*found) - other).abs();

@@ -1,8 +1,10 @@
 //! One network: linearise, train, drive, and again.
 
+use std::ops::Range;
+
 use identify::hypothesis::Hypothesis;
 use identify::workers::{Cancelled, Workers, gathered};
-use twin::residual::{OUTPUTS, Output, ResidualDocument};
+use twin::residual::{OUTPUTS, Output, ResidualDocument, outputs};
 use twin::robot::Robot;
 
 use super::data::Windows;
@@ -24,8 +26,8 @@ const LEAST_STEP: f64 = 0.005;
 const MOST_FRUITLESS: usize = 2;
 /// Shares of a step that are tried.
 const STEPS: [f64; 5] = [1.0, 0.6, 0.35, 0.15, 0.0];
-/// Smallest scales of the outputs, m/s^2 and rad/s^2.
-const LEAST_SCALE: [f64; AXES] = [0.02, 0.02, 0.05];
+/// Smallest scales of the outputs, m/s^2 and rad/s^2, m/s and rad/s.
+const LEAST_SCALE: [f64; AXES] = [0.02, 0.02, 0.05, 0.002, 0.002, 0.01];
 /// Windows of a hundred whose constant acceleration is below the scale of the outputs.
 const SCALE_QUANTILE: usize = 90;
 /// Limit of an output over the largest that the training windows ask for.
@@ -45,6 +47,7 @@ impl Context<'_> {
     pub(super) fn attempt(&self, sight: Sight, share: f64) -> Result<(Attempt, Option<Learner>), LearnError> {
         let windows = self.windows;
         let eyes = eyes(self.robot.description(), sight);
+        let axes = axes(sight);
         let by_path = self.request.target == Target::Path;
         self.workers.progress("physics alone", share);
         let training = self.compared(self.robot, &windows.training.windows, by_path)?;
@@ -67,8 +70,8 @@ impl Context<'_> {
             let share = share + 0.3 * number as f64 / self.request.rounds as f64;
             self.workers.progress("linearise", share);
             let seen = learner.as_ref().map_or(&eyes, |learner| &learner.frame.eyes).clone();
-            let problems = self.problems(&robot, &windows.training.windows, &seen, &own)?;
-            let stopping = self.problems(&robot, &windows.stopping.windows, &seen, &own)?;
+            let problems = self.problems(&robot, &windows.training.windows, (&seen, &axes), &own)?;
+            let stopping = self.problems(&robot, &windows.stopping.windows, (&seen, &axes), &own)?;
             if problems.is_empty() || stopping.is_empty() {
                 let message = "no window can be linearised".to_owned();
                 return Err(LearnError::Simulation(message));
@@ -78,7 +81,7 @@ impl Context<'_> {
                     learner.frame.widen(rows(&problems, seen.len()));
                     (learner, problems, stopping)
                 }
-                None => self.first(&eyes, problems, stopping)?,
+                None => self.first((&eyes, &axes), problems, stopping)?,
             };
             attempt.inputs = now.frame.eyes.len();
             self.workers.progress("train", share + 0.1);
@@ -148,7 +151,7 @@ impl Context<'_> {
     /// Frame, scales and a new network from the first linearisation.
     fn first(
         &self,
-        eyes: &[Eye],
+        (eyes, axes): (&[Eye], &Range<usize>),
         problems: Vec<Problem>,
         stopping: Vec<Problem>,
     ) -> Result<(Learner, Vec<Problem>, Vec<Problem>), LearnError> {
@@ -167,19 +170,22 @@ impl Context<'_> {
             problems.into_iter().map(one).collect()
         };
         let constants: Vec<[f64; AXES]> = problems.iter().map(Problem::constant).collect();
+        let limits: Vec<f64> = outputs(self.robot.description()).map(|(_, _, most)| most).collect();
         let scale = core::array::from_fn(|axis| {
             let mut sizes: Vec<f64> = constants.iter().map(|c| c[axis].abs()).collect();
             sizes.sort_by(f64::total_cmp);
             let size = sizes[(sizes.len() - 1) * SCALE_QUANTILE / 100];
-            size.max(LEAST_SCALE[axis]).min(OUTPUTS[axis].2)
+            size.max(LEAST_SCALE[axis])
+                .min(limits.get(axis).copied().unwrap_or(f64::INFINITY))
         });
         let settings = &self.request.settings;
         let mut sizes = vec![frame.eyes.len()];
         sizes.extend(&settings.hidden);
-        sizes.push(AXES);
+        sizes.push(axes.len());
         let learner = Learner {
             network: Network::new(&sizes, settings.seed),
             frame,
+            first: axes.start,
             scale,
         };
         Ok((learner, narrowed(problems), narrowed(stopping)))
@@ -219,14 +225,23 @@ impl Context<'_> {
         &self,
         robot: &Robot,
         windows: &[Window],
-        eyes: &[Eye],
+        seen: (&[Eye], &Range<usize>),
         scales: &Scales,
     ) -> Result<Vec<Problem>, Cancelled> {
         let target = self.request.target;
         let all = gathered(self.workers, windows.len(), &|number| {
-            linearised(robot, &windows[number], eyes, scales, target)
+            linearised(robot, &windows[number], seen, scales, target)
         })?;
         Ok(all.into_iter().flatten().collect())
+    }
+}
+
+/// Outputs of a network: accelerations, or set-points from one that sees nothing of what the robot does.
+fn axes(sight: Sight) -> Range<usize> {
+    if sight == Sight::Told {
+        OUTPUTS.len()..AXES
+    } else {
+        0..OUTPUTS.len()
     }
 }
 
@@ -254,11 +269,12 @@ pub(super) fn document(learner: &Learner, windows: &Windows, robot: &Robot) -> R
             None
         });
     }
-    let outputs = OUTPUTS.iter().zip(learner.scale).zip(largest);
+    let outputs = outputs(robot.description()).zip(learner.scale).zip(largest);
+    let outputs = outputs.skip(learner.first).take(learner.network.outputs());
     let outputs = outputs.map(|(((name, _, most), scale), largest)| Output {
-        name: (*name).to_owned(),
+        name: name.to_owned(),
         scale,
-        limit: (LIMIT_ROOM * largest).min(*most),
+        limit: (LIMIT_ROOM * largest).min(most),
     });
     ResidualDocument::new(
         learner.frame.inputs(),

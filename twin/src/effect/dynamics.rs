@@ -5,6 +5,7 @@ mod start;
 use super::Effect;
 use super::command::CommandStage;
 use crate::command::WheelCommand;
+use crate::kinematics;
 use crate::model::{Model, Push};
 use crate::motor_control::Drives;
 use crate::residual::{Observation, Residual};
@@ -242,6 +243,8 @@ pub(crate) struct Runtime {
     pub(crate) push: Push,
     /// Motor control that the description spells out.
     pub(crate) drives: Option<Drives>,
+    /// Twist of rolling besides the set-points, from outside.
+    pub(crate) shift: [f64; 3],
     memory: Vec<f64>,
     /// The set-point of this physics step in front of all stages.
     sent: WheelCommand,
@@ -255,6 +258,7 @@ impl Runtime {
             live: Box::new(Model::clone(base)),
             base: Arc::clone(base),
             push: Push::default(),
+            shift: [0.0; 3],
             memory: vec![0.0; dynamics.words],
             dynamics,
             drives,
@@ -307,6 +311,20 @@ impl Runtime {
             command = stage.apply(command, &self.nominal, &mut self.memory, self.step);
         }
         command
+    }
+
+    /// The set-point with what the residual and the outside add to it; after [`Runtime::prepare`].
+    #[inline(never)]
+    pub(crate) fn shifted(&self, command: WheelCommand) -> WheelCommand {
+        let mut shift = self.shift;
+        if let Some((residual, at)) = &self.dynamics.residual {
+            let own = residual.shift(&self.memory[*at..at + residual.words()]);
+            shift.iter_mut().zip(own).for_each(|(sum, own)| *sum += own);
+        }
+        if shift == [0.0; 3] {
+            return command;
+        }
+        kinematics::shifted(&self.nominal, command, shift)
     }
 
     /// Sets the constants of the coming physics step from the state at its start.

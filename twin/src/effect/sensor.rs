@@ -20,6 +20,9 @@ const FIELD_HEIGHT_M: f64 = 3.0;
 /// Time stamps are text with microseconds: one this close to a physics step is of that step.
 const STAMP_TOLERANCE_STEPS: f64 = 1e-3;
 
+/// The marker and everything between it and the tracker's pose come from here on.
+const MARKER_RANK: u8 = 3;
+
 /// One sensor effect.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum SensorStage {
@@ -104,7 +107,7 @@ impl SensorStage {
             // A bias is added behind the scale.
             SensorStage::Gyro { bias_rad_per_s, .. } => 1 + u8::from(*bias_rad_per_s != 0.0),
             SensorStage::ImuYaw { .. } | SensorStage::Current { .. } => 2,
-            SensorStage::Marker { .. } => 3,
+            SensorStage::Marker { .. } => MARKER_RANK,
             SensorStage::TagHeight { .. } => 4,
             SensorStage::Lens { .. } => 5,
             SensorStage::Scale { .. } => 6,
@@ -128,40 +131,59 @@ impl SensorStage {
                     *current = *current * factor + bias_a;
                 }
             }
+            _ => self.apply_to_pose(&mut out.pose),
+        }
+    }
+
+    /// The part of it that changes where the tracker sees a pose; times are left out.
+    fn apply_to_pose(&self, pose: &mut Pose) {
+        match self {
             SensorStage::Marker { yaw_rad, x_m, y_m } => {
-                let (sin, cos) = libm::sincos(out.pose.yaw_rad);
-                out.pose.x_m += cos * x_m - sin * y_m;
-                out.pose.y_m += sin * x_m + cos * y_m;
-                out.pose.yaw_rad = wrapped_rad(out.pose.yaw_rad + yaw_rad);
+                let (sin, cos) = libm::sincos(pose.yaw_rad);
+                pose.x_m += cos * x_m - sin * y_m;
+                pose.y_m += sin * x_m + cos * y_m;
+                pose.yaw_rad = wrapped_rad(pose.yaw_rad + yaw_rad);
             }
             SensorStage::TagHeight { factor } => {
-                let foot_m = CAMERA_FOOT_X_M.copysign(out.pose.x_m);
-                out.pose.x_m = foot_m + factor * (out.pose.x_m - foot_m);
-                out.pose.y_m *= factor;
+                let foot_m = CAMERA_FOOT_X_M.copysign(pose.x_m);
+                pose.x_m = foot_m + factor * (pose.x_m - foot_m);
+                pose.y_m *= factor;
             }
             SensorStage::Lens { k1_per_m2, x_m, y_m } => {
-                let (dx, dy) = (out.pose.x_m - x_m, out.pose.y_m - y_m);
+                let (dx, dy) = (pose.x_m - x_m, pose.y_m - y_m);
                 let factor = 1.0 + k1_per_m2 * (dx * dx + dy * dy);
-                out.pose.x_m = x_m + factor * dx;
-                out.pose.y_m = y_m + factor * dy;
+                pose.x_m = x_m + factor * dx;
+                pose.y_m = y_m + factor * dy;
             }
             SensorStage::Scale { factor } => {
-                out.pose.x_m *= factor;
-                out.pose.y_m *= factor;
+                pose.x_m *= factor;
+                pose.y_m *= factor;
             }
             SensorStage::Seam { x_m, y_m, yaw_rad } => {
-                if out.pose.x_m > 0.0 {
+                if pose.x_m > 0.0 {
                     let (sin, cos) = libm::sincos(*yaw_rad);
-                    let (dx, dy) = (out.pose.x_m - CAMERA_FOOT_X_M, out.pose.y_m);
-                    out.pose = Pose {
+                    let (dx, dy) = (pose.x_m - CAMERA_FOOT_X_M, pose.y_m);
+                    *pose = Pose {
                         x_m: CAMERA_FOOT_X_M + cos * dx - sin * dy + x_m,
                         y_m: sin * dx + cos * dy + y_m,
-                        yaw_rad: wrapped_rad(out.pose.yaw_rad + yaw_rad),
+                        yaw_rad: wrapped_rad(pose.yaw_rad + yaw_rad),
                     };
                 }
             }
+            _ => {}
         }
     }
+}
+
+/// Where the tracker sees a robot.
+pub(crate) fn seen_pose(stages: &[SensorStage], mut pose: Pose) -> Pose {
+    stages.iter().for_each(|stage| stage.apply_to_pose(&mut pose));
+    pose
+}
+
+/// Whether the tracker sees robots elsewhere than they are.
+pub(crate) fn moves_poses(stages: &[SensorStage]) -> bool {
+    stages.iter().any(|stage| stage.rank() >= MARKER_RANK)
 }
 
 /// The newest true states of a trace, one per physics step.

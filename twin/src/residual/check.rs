@@ -2,7 +2,7 @@
 
 use super::document::{Input, Layer, Output, ResidualDocument};
 use super::input::{INPUTS, InputEntry, Of, find};
-use super::{FORMAT, MAX_LAYERS, MAX_TICKS_AGO, MAX_UNITS, OUTPUTS};
+use super::{FORMAT, MAX_LAYERS, MAX_TICKS_AGO, MAX_UNITS, SHIFTS, outputs};
 use crate::parameter::ParameterError;
 use crate::robot::RobotDescription;
 
@@ -64,7 +64,12 @@ pub(super) fn check(robot: &RobotDescription, residual: &ResidualDocument) -> Re
         ));
     }
     for (position, output) in residual.outputs.iter().enumerate() {
-        check_output(output, &residual.outputs[..position], &format!("outputs[{position}]"))?;
+        check_output(
+            robot,
+            output,
+            &residual.outputs[..position],
+            &format!("outputs[{position}]"),
+        )?;
     }
     Ok(())
 }
@@ -195,12 +200,18 @@ fn check_layer(layer: &Layer, width: usize, at: &str) -> Result<usize, Parameter
     Ok(units)
 }
 
-fn check_output(output: &Output, before: &[Output], at: &str) -> Result<(), ParameterError> {
-    let Some((_, unit, largest)) = OUTPUTS.iter().find(|(name, _, _)| *name == output.name) else {
+fn check_output(robot: &RobotDescription, output: &Output, before: &[Output], at: &str) -> Result<(), ParameterError> {
+    let Some((_, unit, largest)) = outputs(robot).find(|(name, _, _)| *name == output.name) else {
+        let message = if SHIFTS.iter().any(|(name, _, _)| *name == output.name) {
+            format!("{} is for robots without motors; {} has some", output.name, robot.name)
+        } else {
+            format!("{:?} is no output", output.name)
+        };
+        let names: Vec<&str> = outputs(robot).map(|(name, _, _)| name).collect();
         return Err(problem(
             &format!("{at}.name"),
-            format!("{:?} is no output", output.name),
-            &OUTPUTS.map(|(name, _, _)| name).join(", "),
+            message,
+            &names.join(", "),
             "take a name from the list of outputs",
         ));
     };
@@ -215,12 +226,7 @@ fn check_output(output: &Output, before: &[Output], at: &str) -> Result<(), Para
     let remedy = format!("give the number in {unit}");
     let scale = (-LARGEST_OUTPUT_SCALE, LARGEST_OUTPUT_SCALE);
     number(&format!("{at}.scale"), output.scale, scale, &remedy)?;
-    number(
-        &format!("{at}.limit"),
-        output.limit,
-        (SMALLEST_SCALE, *largest),
-        &remedy,
-    )
+    number(&format!("{at}.limit"), output.limit, (SMALLEST_SCALE, largest), &remedy)
 }
 
 fn count(field: &str, found: usize, most: usize, remedy: &str) -> Result<(), ParameterError> {

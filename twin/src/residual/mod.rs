@@ -18,7 +18,9 @@
 //! A residual can put energy into the motion: nothing makes a network dissipative. Its power is bounded by
 //! m |a| |velocity| + J |a_yaw| |r|, and so is the speed it can add in a given time.
 //!
-//! What a force does to the motion depends on the wheels: motors that hold their speed resist it, with slip and current.
+//! What a force does to the motion depends on the wheels: motors that hold their speed resist it, with slip and current. A
+//! robot whose description has no motors has wheels that follow their set-points at once: what is wrong there is at the wheels,
+//! and no force on the body is like it. Its network may give set-points besides ([`SHIFTS`]).
 
 mod check;
 mod document;
@@ -31,17 +33,34 @@ pub use input::{INPUTS, InputEntry, Observation, Of, Quantity};
 pub use network::Residual;
 pub use source::Source;
 
+use crate::robot::RobotDescription;
+
 /// The format this crate reads and writes.
 pub const FORMAT: &str = "robopheus.residual/1";
 /// Most inputs, and most units of one layer.
 pub const MAX_UNITS: usize = 64;
-/// Most layers, that of the outputs included. With the limits above a network has at most 12 480 weights.
+/// Most layers, that of the outputs included. With the limits above a network has at most 12 672 weights.
 pub const MAX_LAYERS: usize = 4;
-/// Longest look back of an input, control ticks: 0.1 s.
-pub const MAX_TICKS_AGO: usize = 12;
-/// Outputs: name, unit, largest limit. The accelerations stay inside the margin of the twin's search for collisions.
+/// Longest look back of an input, control ticks: 0.5 s.
+pub const MAX_TICKS_AGO: usize = 60;
+/// Accelerations: name, unit, largest limit. They stay inside the margin of the twin's search for collisions.
 pub const OUTPUTS: [(&str, &str, f64); 3] = [
     ("acceleration_forward_m_per_s2", "m/s^2", 10.0),
     ("acceleration_left_m_per_s2", "m/s^2", 10.0),
     ("acceleration_yaw_rad_per_s2", "rad/s^2", 100.0),
 ];
+/// Set-points, of robots without motors only: name, unit, largest limit. Twist of slip-free rolling that the wheels do besides
+/// what they are told, behind all effects of commands.
+pub const SHIFTS: [(&str, &str, f64); 3] = [
+    ("set_point_forward_m_per_s", "m/s", 2.0),
+    ("set_point_left_m_per_s", "m/s", 2.0),
+    ("set_point_yaw_rate_rad_per_s", "rad/s", 10.0),
+];
+/// All outputs: accelerations, then set-points.
+pub const AXES: usize = OUTPUTS.len() + SHIFTS.len();
+
+/// Outputs in the order in which a robot is given them; without motors set-points as well.
+pub fn outputs(robot: &RobotDescription) -> impl Iterator<Item = (&'static str, &'static str, f64)> + use<> {
+    let shifts = if robot.motor.is_none() { SHIFTS.len() } else { 0 };
+    OUTPUTS.into_iter().chain(SHIFTS.into_iter().take(shifts))
+}

@@ -3,7 +3,7 @@
 use super::document::{Activation, Layer, ResidualDocument};
 use super::input::Observation;
 use super::source::Source;
-use super::{MAX_UNITS, OUTPUTS, check};
+use super::{AXES, MAX_UNITS, OUTPUTS, SHIFTS, check};
 use crate::parameter::ParameterError;
 use crate::robot::RobotDescription;
 
@@ -13,8 +13,8 @@ pub struct Residual {
     document: ResidualDocument,
     inputs: Vec<Source>,
     layers: Vec<Dense>,
-    /// By position in [`OUTPUTS`]: row of the last layer, scale, limit.
-    outputs: [Option<(usize, f64, f64)>; OUTPUTS.len()],
+    /// By position in [`OUTPUTS`], then [`SHIFTS`]: row of the last layer, scale, limit.
+    outputs: [Option<(usize, f64, f64)>; AXES],
 }
 
 #[derive(Debug, Clone)]
@@ -37,11 +37,11 @@ impl Residual {
             .iter()
             .filter_map(|input| Source::new(document, input))
             .collect();
-        let outputs = OUTPUTS.map(|(name, _, _)| {
-            let row = document.outputs.iter().position(|output| output.name == name)?;
-            let output = &document.outputs[row];
-            Some((row, output.scale, output.limit))
-        });
+        let mut outputs = [None; AXES];
+        for (slot, (name, _, _)) in outputs.iter_mut().zip(OUTPUTS.iter().chain(&SHIFTS)) {
+            let row = document.outputs.iter().position(|output| output.name == *name);
+            *slot = row.map(|row| (row, document.outputs[row].scale, document.outputs[row].limit));
+        }
         Ok(Residual {
             document: document.clone(),
             inputs,
@@ -55,10 +55,17 @@ impl Residual {
         &self.document
     }
 
-    /// Accelerations in the order of [`OUTPUTS`], m/s^2, m/s^2, rad/s^2; 0 for an output that the document does not have.
+    /// The accelerations among [`Residual::outputs`].
+    pub fn accelerations(&self, inputs: &[f64]) -> [f64; OUTPUTS.len()] {
+        let [forward, left, yaw, ..] = self.outputs(inputs);
+        [forward, left, yaw]
+    }
+
+    /// Accelerations in the order of [`OUTPUTS`], m/s^2, m/s^2, rad/s^2, then [`SHIFTS`], m/s, m/s, rad/s; 0 for an output that
+    /// the document does not have.
     ///
     /// - `inputs`: by position in the document, in their units; missing ones count as 0. Always finite.
-    pub fn accelerations(&self, inputs: &[f64]) -> [f64; OUTPUTS.len()] {
+    pub fn outputs(&self, inputs: &[f64]) -> [f64; AXES] {
         let mut units = [0.0; MAX_UNITS];
         let mut fade = 1.0;
         for ((unit, source), value) in units.iter_mut().zip(&self.inputs).zip(padded(inputs)) {
@@ -82,14 +89,32 @@ impl Residual {
         self.inputs.iter().map(|source| source.value(seen))
     }
 
-    /// Numbers kept between ticks: accelerations in force, then for each input that looks back its values, oldest first.
-    pub(crate) fn words(&self) -> usize {
-        OUTPUTS.len() + self.inputs.iter().map(Source::ticks_ago).sum::<usize>()
+    /// Outputs that are in force between ticks: without set-points the accelerations alone.
+    fn held(&self) -> usize {
+        let shifts = self.outputs.iter().skip(OUTPUTS.len());
+        if shifts.flatten().next().is_some() {
+            AXES
+        } else {
+            OUTPUTS.len()
+        }
     }
 
-    /// One control tick: takes in what is seen now and leaves the accelerations of this tick in front of `memory`.
+    /// The set-points in force, in the memory of [`Residual::tick`].
+    pub(crate) fn shift(&self, memory: &[f64]) -> [f64; SHIFTS.len()] {
+        core::array::from_fn(|axis| {
+            let at = OUTPUTS.len() + axis;
+            if at < self.held() { memory[at] } else { 0.0 }
+        })
+    }
+
+    /// Numbers kept between ticks: outputs in force, then for each input that looks back its values, oldest first.
+    pub(crate) fn words(&self) -> usize {
+        self.held() + self.inputs.iter().map(Source::ticks_ago).sum::<usize>()
+    }
+
+    /// One control tick: takes in what is seen now and leaves the outputs of this tick in front of `memory`.
     pub(crate) fn tick(&self, seen: &Observation, memory: &mut [f64], first: bool) {
-        let (held, mut past) = memory.split_at_mut(OUTPUTS.len());
+        let (held, mut past) = memory.split_at_mut(self.held());
         let mut inputs = [0.0; MAX_UNITS];
         for ((input, source), now) in inputs.iter_mut().zip(&self.inputs).zip(self.values(seen)) {
             *input = now;
@@ -106,7 +131,8 @@ impl Residual {
             own.copy_within(1.., 0);
             own[ticks_ago - 1] = now;
         }
-        held.copy_from_slice(&self.accelerations(&inputs[..self.inputs.len()]));
+        let outputs = self.outputs(&inputs[..self.inputs.len()]);
+        held.copy_from_slice(&outputs[..held.len()]);
     }
 }
 

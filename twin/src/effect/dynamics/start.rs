@@ -31,6 +31,7 @@ impl Runtime {
     pub(crate) fn copy_from(&mut self, other: &Runtime) {
         *self.live = Model::clone(&other.live);
         self.push = other.push;
+        self.shift = other.shift;
         self.memory.clone_from(&other.memory);
         self.drives.clone_from(&other.drives);
         self.sent = other.sent;
