@@ -149,7 +149,8 @@ impl<'a> Running<'a> {
             let length_m = wheelbase_m(self.description);
             let forward = (0..self.driven.len()).map(rim).sum::<f64>() / count;
             let slow = forward.clamp(-limit[0], limit[0]);
-            let turn = (slow * wanted.steering_rad.tan() / length_m).clamp(-limit[2], limit[2]);
+            // Of the velocity that is wanted: a car that may not drive so fast turns as fast as before, in a narrower circle.
+            let turn = (forward * wanted.steering_rad.tan() / length_m).clamp(-limit[2], limit[2]);
             let share = if forward.abs() > 1e-9 { slow / forward } else { 1.0 };
             out.wheel_rad_per_s.iter_mut().for_each(|w| *w *= share);
             if slow.abs() > 1e-6 {
@@ -290,6 +291,28 @@ mod tests {
             }
             wheels(out)
         };
+        // A car at 1 m/s and 1 rad/s of which both axes are clipped by half, or forward speed alone: the yaw rate stays.
+        let car = |limit: [f64; 3]| {
+            let firmware = Firmware {
+                body_limit: limit,
+                ..Firmware::default()
+            };
+            let length_m = wheelbase_m(&robot("rwd"));
+            let mut sent = wheels([1.0 / 0.05; MAX_MOTORS]);
+            sent.steering_rad = length_m.atan();
+            let acting = acted(&firmware, "rwd", &[sent])[0];
+            (acting.wheel_rad_per_s[0] * 0.05, acting.steering_rad.tan() / length_m)
+        };
+        let (speed, curvature) = car([0.5, f64::INFINITY, 0.5]);
+        assert!(
+            (speed - 0.5).abs() < 1e-9 && (curvature - 1.0).abs() < 1e-9,
+            "{speed} {curvature}"
+        );
+        let (speed, curvature) = car([0.5, f64::INFINITY, f64::INFINITY]);
+        assert!(
+            (speed - 0.5).abs() < 1e-9 && (curvature - 2.0).abs() < 1e-9,
+            "{speed} {curvature}"
+        );
         let clipped = acted(&limits, "omni4", &[strafe(0.7)])[0];
         for (found, wanted) in clipped.wheel_rad_per_s.iter().zip(strafe(0.2).wheel_rad_per_s) {
             assert!((found - wanted).abs() < 1e-9, "{found} {wanted}");
