@@ -12,7 +12,7 @@ use twin::free::FreeRobot;
 use twin::golden::{effect_digests, reference_residual, residual_digests};
 use twin::model_document::ModelDocument;
 use twin::pose::Pose;
-use twin::residual::{Activation, Input, Layer, ResidualDocument};
+use twin::residual::{Activation, Input, Layer, MAX_TICKS_AGO, ResidualDocument};
 use twin::robot::{Robot, RobotDescription};
 use twin::world::{Arena, World, WorldError};
 
@@ -181,7 +181,7 @@ fn a_residual_says_what_is_wrong_with_it() {
             |d| d.inputs[0] = Input::new("current_a", -1.0, 1.0).at(2),
             "inputs[0].wheel",
         ),
-        (|d| d.inputs[1].ticks_ago = 13, "inputs[1].ticks_ago"),
+        (|d| d.inputs[1].ticks_ago = MAX_TICKS_AGO + 1, "inputs[1].ticks_ago"),
         (|d| d.inputs[1].mean = f64::NAN, "inputs[1].mean"),
         (|d| d.inputs[1].scale = 0.0, "inputs[1].scale"),
         (|d| d.inputs[1].low = f64::NEG_INFINITY, "inputs[1].low"),

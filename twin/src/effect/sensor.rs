@@ -159,16 +159,14 @@ impl SensorStage {
                 pose.x_m *= factor;
                 pose.y_m *= factor;
             }
-            SensorStage::Seam { x_m, y_m, yaw_rad } => {
-                if pose.x_m > 0.0 {
-                    let (sin, cos) = libm::sincos(*yaw_rad);
-                    let (dx, dy) = (pose.x_m - CAMERA_FOOT_X_M, pose.y_m);
-                    *pose = Pose {
-                        x_m: CAMERA_FOOT_X_M + cos * dx - sin * dy + x_m,
-                        y_m: sin * dx + cos * dy + y_m,
-                        yaw_rad: wrapped_rad(pose.yaw_rad + yaw_rad),
-                    };
-                }
+            SensorStage::Seam { x_m, y_m, yaw_rad } if pose.x_m > 0.0 => {
+                let (sin, cos) = libm::sincos(*yaw_rad);
+                let (dx, dy) = (pose.x_m - CAMERA_FOOT_X_M, pose.y_m);
+                *pose = Pose {
+                    x_m: CAMERA_FOOT_X_M + cos * dx - sin * dy + x_m,
+                    y_m: sin * dx + cos * dy + y_m,
+                    yaw_rad: wrapped_rad(pose.yaw_rad + yaw_rad),
+                };
             }
             _ => {}
         }
