@@ -8,7 +8,6 @@ use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
-use thirtyfour::extensions::cdp::ChromeDevTools;
 use thirtyfour::{ChromiumLikeCapabilities, DesiredCapabilities, Key, WebDriver};
 
 const DRIVER_LIMIT: Duration = Duration::from_secs(20);
@@ -151,9 +150,7 @@ impl Browser {
             let turn = serde_json::json!({
                 "type": "mouseWheel", "x": x, "y": y, "deltaX": 0, "deltaY": WHEEL_STEP_PX,
             });
-            ChromeDevTools::new(self.page.handle().clone())
-                .execute_cdp_with_params("Input.dispatchMouseEvent", turn)
-                .await?;
+            self.page.cdp().send_raw("Input.dispatchMouseEvent", turn).await?;
             seen = self.next_frames(frame(&seen), 3).await?;
         }
         ensure!(
