@@ -19,7 +19,8 @@ const JOINING: [&str; 9] = [
     "omni-02", "omni-03", "omni-04", "omni-05", "omni-06", "omni-07", "omni-08", "omni-09", "omni-10",
 ];
 
-/// Drives every robot a little towards the middle, says where they are and draws how far they still have to go.
+/// Drives every robot a little towards the middle, says where they are and draws how far they still have to go. It lasts 20 s, so that a
+/// slow page sees them drive.
 const MENDED: &str = r#"fn step(now) {
     if now.tick == 0 { this.starts = []; for robot in now.robots { this.starts.push([robot.x_m, robot.y_m]); } }
     for robot in now.robots {
@@ -32,7 +33,7 @@ const MENDED: &str = r#"fn step(now) {
         point(robot.x_m + x, robot.y_m + y, 2);
         text(robot.x_m, robot.y_m + 0.3, `${now.tick / 120} s`, 6);
         if now.tick % 60 == 0 && robot.index < 4 { print(`${robot.name} is ${hypot(x, y)} from its goal`); }
-        if hypot(x, y) < 0.05 { stop(robot.index); finished(robot.index); }
+        if hypot(x, y) < 0.05 { stop(robot.index); if now.tick > 2400 { finished(robot.index); } }
     }
 }
 "#;
