@@ -67,10 +67,8 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
                 is_proven = false;
             }
             Verified::Not(words) => {
-                let names = case
-                    .taken
-                    .iter()
-                    .map(|taken| taken.finalist.member.candidate.entry.name);
+                let names = case.taken.iter().filter(|taken| !taken.tiny);
+                let names = names.map(|taken| taken.finalist.member.candidate.entry.name);
                 case.withdrawn = Some((names.collect(), words));
                 verdict = Verdict::Unexplained;
                 after = without_names(case, verdict);

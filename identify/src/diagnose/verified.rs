@@ -37,7 +37,7 @@ pub(super) fn verified(gaps: &[Gap], explained: Option<f64>, names: usize) -> Ve
         return Verified::Holds;
     };
     let words = format!(
-        "on runs that were not used the error of {} {:.1} s ahead rises from {:.2e} to {:.2e} {} with it",
+        "on runs that were not used the error of {} {:.1} s ahead rises from {:.4} to {:.4} {} with what is named",
         worst.channel, worst.horizon_s, worst.before, worst.after, worst.unit
     );
     if names == 1 && explained.unwrap_or(0.0) < WITHDRAWN {

@@ -83,8 +83,11 @@ pub(super) fn judge(data: &Round, fitted: &Fitted, threshold: f64) -> Finalist {
 
 /// The laws of the named effects may have left what it explains.
 fn law_rest(data: &Round, fitted: &Fitted, threshold: f64) -> Option<String> {
+    if data.members.is_empty() {
+        return None;
+    }
     let own = data.own_part(fitted);
-    (!data.members.is_empty() && own < threshold).then(|| {
+    (own < threshold).then(|| {
         format!(
             "all but {own:.0} of the {:.0} that it explains may be what the laws of the effects named so far leave where they act",
             fitted.fit.gain

@@ -78,9 +78,6 @@ impl Round<'_> {
 
     /// Part of a fitted candidate's gain on the training runs that cannot be what the laws of the named effects leave.
     pub(super) fn own_part(&self, fitted: &Fitted) -> f64 {
-        if self.members.is_empty() {
-            return fitted.fit.gain;
-        }
         let metric = self.train.metric;
         let before = energies(metric, self.train.records, self.train.residuals);
         let after = energies(metric, self.train.records, &fitted.fit.residuals);
