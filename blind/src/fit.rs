@@ -2,11 +2,13 @@
 
 use crate::drive::Trace;
 use crate::effects::Truth;
+use emulator::plant::TICK_HZ;
 use crate::oracle::{CHANNELS, Pair, sigmas};
 use crate::sensing::{Sensing, Values};
 use twin::effect::library::find;
 use twin::free::Start;
 use twin::replay::{CommandRow, HeldCommand, replay_from};
+use twin::reversals::Reversals;
 use twin::robot::{Robot, RobotDescription};
 use twin::twist::BodyTwist;
 
@@ -147,14 +149,19 @@ fn misfit(twin: Option<&Twin>, (trace, sensing): (&Trace, &Sensing)) -> Vec<(usi
         .filter(|wheel| robot.description().wheels[*wheel].driven)
         .collect();
     let pieces = (trace.duration_s() / PIECE_S) as usize;
+    let mut steered = Reversals::default();
+    let mut seen = 0;
     for piece in 0..pieces {
         let from_s = piece as f64 * PIECE_S;
+        let ticks = (from_s * f64::from(TICK_HZ)) as usize + 1;
+        trace.ticks[seen..ticks].iter().for_each(|tick| steered.push(tick.steering_rad));
+        seen = ticks;
         let rows = rows(trace, from_s, &driven);
         let mut held = HeldCommand::default();
         if let Some(first) = rows.first() {
             held.apply(robot, first);
         }
-        let Ok(states) = replay_from(robot, &start(trace, from_s, &driven), held, &rows) else {
+        let Ok(states) = replay_from(robot, &start(trace, from_s, &driven, steered), held, &rows) else {
             return Vec::new();
         };
         for state in states.iter().skip(6).step_by(6) {
@@ -184,7 +191,7 @@ fn rows(trace: &Trace, from_s: f64, driven: &[usize]) -> Vec<CommandRow> {
     .collect()
 }
 
-fn start(trace: &Trace, from_s: f64, driven: &[usize]) -> Start {
+fn start(trace: &Trace, from_s: f64, driven: &[usize], steering_history: Reversals) -> Start {
     let values = trace.at(from_s);
     let [x_m, y_m, yaw_rad] = values.pose;
     let (sin, cos) = yaw_rad.sin_cos();
@@ -197,6 +204,7 @@ fn start(trace: &Trace, from_s: f64, driven: &[usize]) -> Start {
             yaw_rate_rad_per_s: values.gyro_rad_per_s,
         },
         steering_rad: values.steering_rad,
+        steering_history,
         ..Start::default()
     };
     for (m, wheel) in driven.iter().enumerate() {

@@ -8,6 +8,7 @@
 
 use serde::Serialize;
 use twin::effect::Effect;
+use twin::free::Start;
 use twin::pose::{Pose, wrapped_rad};
 use twin::replay::{CommandRow, HeldCommand, ReplayError, ReplayRow, replay_after};
 use twin::robot::Robot;
@@ -15,6 +16,7 @@ use twin::robot::Robot;
 use crate::anchor::{Track, start_at};
 use crate::bundle::Bundle;
 use crate::record::{MEMORY_S, RollingInput};
+use crate::steering_history::SteeringHistory;
 
 /// Horizons, s.
 pub const HORIZONS_S: [f64; 4] = [0.5, 1.0, 2.0, 5.0];
@@ -128,6 +130,8 @@ pub fn end_to_end_with(
         pose_outliers: track.outliers,
         ..EndToEndGap::default()
     };
+    let steering = SteeringHistory::of(bundle);
+    let mut steered = steering.walk();
     let mut begin_s = *first_s;
     let mut before = HeldCommand::default();
     if let Some(first) = rows.first() {
@@ -141,7 +145,10 @@ pub fn end_to_end_with(
             let board_s = at_s + clock.offset_s + clock.drift * (at_s - times[0]);
             let board_row = times.partition_point(|t| *t <= board_s).saturating_sub(1);
             let board_row = if clock == RobotClock::default() { row } else { board_row };
-            start_at(bundle, &track, row, board_row)
+            start_at(bundle, &track, row, board_row).map(|start| Start {
+                steering_history: steered.until(times[board_row]),
+                ..start
+            })
         } else {
             None
         };

@@ -22,5 +22,6 @@ pub mod record;
 pub mod report;
 pub mod screen;
 pub mod select;
+pub mod steering_history;
 pub mod telemetry;
 pub mod workers;

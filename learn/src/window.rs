@@ -9,6 +9,7 @@ use identify::bundle::{Bundle, LONG_PAUSE_S};
 use identify::channel::Channel;
 use identify::gap::{RobotClock, delayed_rows};
 use identify::record::MEMORY_S;
+use identify::steering_history::{SteeringHistory, Walk};
 use twin::free::Start;
 use twin::replay::{CommandRow, HeldCommand, merged};
 
@@ -150,13 +151,15 @@ impl Collection {
         if count < 0.0 {
             return Ok(());
         }
+        let steering = SteeringHistory::of(bundle);
+        let mut steered = steering.walk();
         for number in 0..=count as usize {
             let begin_s = first_s + margin_s + number as f64 * self.cut.period_s;
             if !self.seen.is_multiple_of(self.stride) {
                 self.seen += 1;
                 continue;
             }
-            let Some(window) = source.window(run, begin_s, self.cut.horizon_s) else {
+            let Some(window) = source.window(run, begin_s, self.cut.horizon_s, &mut steered) else {
                 self.skipped += 1;
                 continue;
             };
@@ -228,7 +231,7 @@ impl<'a> Source<'a> {
     }
 
     /// `None` where the measurements do not carry it.
-    fn window(&self, run: usize, begin_s: f64, horizon_s: f64) -> Option<Window> {
+    fn window(&self, run: usize, begin_s: f64, horizon_s: f64, steered: &mut Walk) -> Option<Window> {
         let times = &self.bundle.telemetry.time_s;
         let row = times.partition_point(|t| *t < begin_s);
         let start_s = *times.get(row)?;
@@ -236,7 +239,11 @@ impl<'a> Source<'a> {
         if start_s - begin_s > PAUSE_S || self.interrupted(row, start_s, end_s) {
             return None;
         }
-        let start = start_at(self.bundle, &self.track, row, self.board_row(row, start_s))?;
+        let board_row = self.board_row(row, start_s);
+        let start = Start {
+            steering_history: steered.until(times[board_row]),
+            ..start_at(self.bundle, &self.track, row, board_row)?
+        };
         let (before, earlier, rows) = self.commands(start_s, end_s)?;
         let mut window = Window {
             run,

@@ -8,6 +8,7 @@ use crate::lanes::{LANES, four};
 use crate::model::Model;
 use crate::motor_control;
 use crate::pose::Pose;
+use crate::reversals::Reversals;
 use crate::robot::Robot;
 use crate::state::BodyState;
 pub use crate::state::RobotState;
@@ -24,6 +25,9 @@ pub struct Start {
     /// By position in `wheels`; the control's integrals are set so that it holds this current at this wheel speed.
     pub current_a: [f64; MAX_WHEELS],
     pub steering_rad: f64,
+    /// The steering up to the start: on which side of its play the wheels lie. Empty: where a turn from straight ahead left
+    /// them.
+    pub steering_history: Reversals,
 }
 
 /// One robot on a floor without walls, stepped at 480 Hz by the same kernel as in [`crate::world::World`].
@@ -64,11 +68,15 @@ impl FreeRobot {
                 let current_a = start.current_a[wheel];
                 let voltage_v = current_a / model.per_ohm[lane] + model.torque_per_current[lane] * state.wheel[lane];
                 state.current[lane] = current_a;
+                state.voltage[lane] = voltage_v;
                 state.integral[lane] = motor.settled_integral_rad(voltage_v);
             }
         }
-        if let Some(drives) = free.runtime.as_mut().and_then(|runtime| runtime.drives.as_mut()) {
-            drives.take_over(model, state);
+        if let Some(runtime) = &mut free.runtime {
+            runtime.settle(start, state);
+            if let Some(drives) = &mut runtime.drives {
+                drives.take_over(&runtime.live, state);
+            }
         }
         free
     }

@@ -26,6 +26,7 @@ pub mod parameter;
 pub mod pose;
 pub mod replay;
 pub mod residual;
+pub mod reversals;
 pub mod robot;
 pub mod sensor;
 pub mod snapshot;

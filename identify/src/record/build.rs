@@ -11,6 +11,7 @@ use super::{
 use crate::anchor::{Track, start_at};
 use crate::bundle::{Bundle, LONG_PAUSE_S};
 use crate::channel::Channel;
+use crate::steering_history::{SteeringHistory, Walk};
 
 /// Shortest compared part of the last window, s.
 const SHORTEST_WINDOW_S: f64 = 0.8;
@@ -74,6 +75,8 @@ pub(super) fn record(name: &str, bundle: &Bundle) -> Record {
         before.apply(&bundle.robot, first);
     }
     let mut forgotten = 0;
+    let steering = SteeringHistory::of(bundle);
+    let mut steered = steering.walk();
     let margin_s = if source.track.poses.is_empty() {
         0.1
     } else {
@@ -98,7 +101,7 @@ pub(super) fn record(name: &str, bundle: &Bundle) -> Record {
                 held,
                 later: &source.commands[applied..],
             };
-            match window(&source, start_s, to_s, &sent) {
+            match window(&source, start_s, to_s, &sent, &mut steered) {
                 Some(window) => record.windows.push(window),
                 None => record.skipped += 1,
             }
@@ -226,7 +229,7 @@ fn largest_command(source: &Source) -> f64 {
     largest
 }
 
-fn window(source: &Source, start_s: f64, to_s: f64, sent: &Sent) -> Option<Window> {
+fn window(source: &Source, start_s: f64, to_s: f64, sent: &Sent, steered: &mut Walk) -> Option<Window> {
     let (held, later) = (sent.held, sent.later);
     let bundle = source.bundle;
     let times = &bundle.telemetry.time_s;
@@ -243,6 +246,7 @@ fn window(source: &Source, start_s: f64, to_s: f64, sent: &Sent) -> Option<Windo
     // The fit belongs to the row's time; the window begins there.
     let start_s = times[row];
     let from_s = start_s + RUN_IN_S;
+    start.steering_history = steered.until(start_s);
     if bundle.run.robot.motor.is_none() {
         start.current_a = Default::default();
     }

@@ -1,5 +1,6 @@
 //! Effects that change from step to step, and the state they carry.
 
+mod settle;
 mod start;
 
 use super::Effect;
