@@ -1,5 +1,6 @@
 //! Measured channels as inputs of a simulation: lines between samples, never derivatives of noise.
 
+use super::smooth::smoothed;
 use crate::bundle::Bundle;
 use crate::channel::Channel;
 
@@ -126,7 +127,9 @@ impl RollingInput {
         }
         wheels.iter().any(Option::is_some).then(|| RollingInput {
             wheels,
-            steering: Line::of(bundle, Channel::Steering).filter(|_| bundle.run.robot.steering.is_some()),
+            steering: Line::of(bundle, Channel::Steering)
+                .filter(|_| bundle.run.robot.steering.is_some())
+                .map(|line| smoothed(&line)),
         })
     }
 

@@ -13,10 +13,12 @@ mod input;
 pub(crate) mod made;
 mod quantity;
 mod simulate;
+mod smooth;
 
 pub use input::{Line, RollingInput, WheelLine};
 pub use quantity::{CHANNELS, CLASSES, Quantity, UNITS};
 pub use simulate::{Stages, residuals};
+pub use smooth::smoothed;
 
 use twin::free::Start;
 use twin::replay::{CommandRow, HeldCommand};
