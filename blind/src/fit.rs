@@ -2,9 +2,9 @@
 
 use crate::drive::Trace;
 use crate::effects::Truth;
-use emulator::plant::TICK_HZ;
 use crate::oracle::{CHANNELS, Pair, sigmas};
 use crate::sensing::{Sensing, Values};
+use emulator::plant::TICK_HZ;
 use twin::effect::library::find;
 use twin::free::Start;
 use twin::replay::{CommandRow, HeldCommand, replay_from};
@@ -154,7 +154,9 @@ fn misfit(twin: Option<&Twin>, (trace, sensing): (&Trace, &Sensing)) -> Vec<(usi
     for piece in 0..pieces {
         let from_s = piece as f64 * PIECE_S;
         let ticks = (from_s * f64::from(TICK_HZ)) as usize + 1;
-        trace.ticks[seen..ticks].iter().for_each(|tick| steered.push(tick.steering_rad));
+        trace.ticks[seen..ticks]
+            .iter()
+            .for_each(|tick| steered.push(tick.steering_rad));
         seen = ticks;
         let rows = rows(trace, from_s, &driven);
         let mut held = HeldCommand::default();

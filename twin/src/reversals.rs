@@ -60,7 +60,9 @@ mod tests {
         let mut angle_rad = 0.0;
         (0..steps)
             .map(|_| {
-                state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+                state = state
+                    .wrapping_mul(6364136223846793005)
+                    .wrapping_add(1442695040888963407);
                 let part = (state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5;
                 angle_rad = 0.9 * angle_rad + 0.2 * part;
                 angle_rad
@@ -78,7 +80,10 @@ mod tests {
                     reversals.push(angle);
                     place = place.max(angle - half_rad).min(angle + half_rad);
                     let known = reversals.dragged_rad(half_rad).expect("angles were pushed");
-                    assert!((known - place).abs() < 1e-12, "seed {seed}, half {half_rad}: {known} {place}");
+                    assert!(
+                        (known - place).abs() < 1e-12,
+                        "seed {seed}, half {half_rad}: {known} {place}"
+                    );
                 }
             }
         }
@@ -89,8 +94,9 @@ mod tests {
         let mut reversals = Reversals::default();
         let mut place: f64 = 0.0;
         let half_rad = 0.1;
+        let mut size = 0.5;
         for k in 0..60 {
-            let size = 0.5 * 0.93_f64.powi(k);
+            size *= 0.93;
             let angle = if k % 2 == 0 { size } else { -size };
             reversals.push(angle);
             place = place.max(angle - half_rad).min(angle + half_rad);

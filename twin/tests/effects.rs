@@ -312,7 +312,7 @@ fn a_start_in_motion_remembers_the_set_point_in_force() {
             twist: settled.twist,
             wheel_rad_per_s: settled.wheel_rad_per_s,
             current_a: settled.current_a,
-            steering_rad: 0.0,
+            ..Start::default()
         };
         let mut held = HeldCommand::default();
         held.apply(&robot, &rows[0]);

@@ -128,8 +128,12 @@ mod tests {
 
     #[test]
     fn means_do_not_reach_over_pauses() {
-        let time_s: Vec<f64> = (0..60).map(|k| 0.01 * f64::from(k) + if k >= 30 { 1.0 } else { 0.0 }).collect();
-        let values: Vec<f64> = (0..60).map(|k| f64::from(u8::from(k >= 30)) + 1e-3 * f64::from(k % 3)).collect();
+        let time_s: Vec<f64> = (0..60)
+            .map(|k| 0.01 * f64::from(k) + if k >= 30 { 1.0 } else { 0.0 })
+            .collect();
+        let values: Vec<f64> = (0..60)
+            .map(|k| f64::from(u8::from(k >= 30)) + 1e-3 * f64::from(k % 3))
+            .collect();
         let smooth = smoothed(&Line { time_s, values });
         assert!(smooth.values[..30].iter().all(|value| *value < 0.01));
         assert!(smooth.values[30..].iter().all(|value| *value > 0.99));

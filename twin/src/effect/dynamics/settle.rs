@@ -65,5 +65,5 @@ fn trailing_rad(vx: f64, vy: f64, turn_m_per_s: f64) -> f64 {
     if speed < SLOWEST_M_PER_S {
         return 0.0;
     }
-    libm::atan2(vy, vx) - libm::asin((turn_m_per_s / speed).min(1.0).max(-1.0))
+    libm::atan2(vy, vx) - libm::asin((turn_m_per_s / speed).clamp(-1.0, 1.0))
 }
