@@ -221,10 +221,11 @@ fn substep_with(runtime: &mut Runtime, state: &mut BodyState, command: &WheelCom
     let command = runtime.commanded(command);
     runtime.prepare(state);
     let command = runtime.shifted(command);
-    if let Some(drives) = &mut runtime.drives {
-        return motor_control::substep(drives, &runtime.live, state, &command, refinement);
+    match &mut runtime.drives {
+        Some(drives) => motor_control::substep(drives, &runtime.live, state, &command, refinement),
+        None => substep_refined(&runtime.live, state, &command, refinement),
     }
-    substep_refined(&runtime.live, state, &command, refinement);
+    runtime.finish(state);
 }
 
 #[inline(always)]

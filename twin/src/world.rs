@@ -506,7 +506,7 @@ fn restored(words: &[f64], model: &Model, runtime: &mut Option<Runtime>) -> Opti
     }
     let state = BodyState::from_words(&words[..body], model)?;
     if let Some(runtime) = runtime {
-        runtime.restore(&words[body..]);
+        runtime.restore(&words[body..], &state);
     }
     Some(state)
 }

@@ -268,7 +268,7 @@ impl<'a> Tick<'a> {
     fn advance_again(&mut self, slot: usize) {
         let one = &self.driven[slot];
         if let Some(runtime) = &mut self.bodies.runtimes[one.robot] {
-            runtime.restore(&one.remembered);
+            runtime.restore(&one.remembered, &one.before);
         }
         self.advance(slot);
     }

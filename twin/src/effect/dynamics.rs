@@ -1,5 +1,6 @@
 //! Effects that change from step to step, and the state they carry.
 
+mod gear;
 mod settle;
 mod start;
 
@@ -223,8 +224,7 @@ impl Law {
         match self {
             Law::SteeringPlay { .. } => 1,
             Law::Thermal { .. } | Law::CasterSwivel { .. } => MAX_WHEELS,
-            // Place in the play, and its rate.
-            Law::GearPlay { .. } => 2 * MAX_WHEELS,
+            Law::GearPlay { .. } => gear::WORDS,
             _ => 0,
         }
     }
@@ -282,7 +282,9 @@ impl Runtime {
     }
 
     /// Inverse of [`Runtime::words`]; `words` must be as many.
-    pub(crate) fn restore(&mut self, words: &[f64]) {
+    ///
+    /// - `state`: restored before.
+    pub(crate) fn restore(&mut self, words: &[f64], state: &BodyState) {
         self.step = words[0] as u64;
         let (memory, rest) = words[2..].split_at(self.memory.len());
         self.memory.copy_from_slice(memory);
@@ -296,9 +298,12 @@ impl Runtime {
         }
         for (law, at) in &self.dynamics.laws {
             if matches!(law, Law::GearPlay { .. }) {
-                let (place, rate) = self.memory[*at..at + law.words()].split_at(MAX_WHEELS);
-                self.live.gear_place_rad.copy_from_slice(place);
-                self.live.gear_rate_rad_per_s.copy_from_slice(rate);
+                gear::show(
+                    &mut self.memory[*at..at + law.words()],
+                    &self.base,
+                    &mut self.live,
+                    state,
+                );
             }
         }
     }
@@ -356,6 +361,17 @@ impl Runtime {
         }
         self.live.freeze();
         self.step += 1;
+    }
+
+    /// What goes on besides the body's own equations, at the end of a physics step.
+    #[inline(never)]
+    pub(crate) fn finish(&mut self, state: &mut BodyState) {
+        for (law, at) in &self.dynamics.laws {
+            if let Law::GearPlay { half_rad } = law {
+                let memory = &mut self.memory[*at..at + law.words()];
+                gear::finish(memory, *half_rad, &self.base, &mut self.live, state);
+            }
+        }
     }
 
     /// At the start of a control tick: accelerations from what a view shows then and the set-points of the tick.
@@ -526,7 +542,7 @@ impl Runtime {
                     }
                 }
             }
-            Law::GearPlay { half_rad } => gear_play(live, memory, *half_rad, state),
+            Law::GearPlay { half_rad } => gear::prepare(memory, *half_rad, &self.base, live),
             Law::CasterSwivel { trail_m, torque_n_m } => {
                 let casters = live.lanes..live.load.count();
                 for (caster, heading) in memory.iter_mut().enumerate().take(casters.end).skip(casters.start) {
@@ -546,30 +562,6 @@ impl Runtime {
                 }
             }
         }
-    }
-}
-
-/// Crossing the play: the motor runs free of the wheel at the speed its voltage asks for, and passes no torque.
-fn gear_play(live: &mut Model, memory: &mut [f64], half_rad: f64, state: &BodyState) {
-    let (place, rate) = memory.split_at_mut(MAX_WHEELS);
-    for lane in 0..live.lanes {
-        if live.powered[lane] == 0.0 {
-            continue;
-        }
-        let motor_speed = state.voltage[lane] / live.torque_per_current[lane];
-        let free_rate = motor_speed - state.wheel[lane];
-        // The side that pushes: that of the torque the motor would give. No torque for the share of the step that it
-        // takes to get there.
-        let most = free_rate.abs() * PHYSICS_PERIOD_S;
-        let gap = half_rad.copysign(free_rate) - place[lane];
-        let moved = if most > 0.0 { gap.min(most).max(-most) } else { 0.0 };
-        if most > 0.0 {
-            live.powered[lane] = (1.0 - gap.abs() / most).max(0.0);
-        }
-        place[lane] += moved;
-        rate[lane] = moved / PHYSICS_PERIOD_S;
-        live.gear_place_rad[lane] = place[lane];
-        live.gear_rate_rad_per_s[lane] = rate[lane];
     }
 }
 

@@ -1,15 +1,15 @@
 //! Where plays and casters stand at a start in motion.
 
-use super::{Law, Runtime};
+use super::{Law, Runtime, gear};
 use crate::free::Start;
 use crate::state::BodyState;
 use crate::{COULOMB_SCALE_RAD_PER_S, MAX_WHEELS};
 
 /// Slower than this a caster's pivot tells nothing of where the caster points, m/s.
 const SLOWEST_M_PER_S: f64 = 0.02;
-/// Share of the dry friction that a turning wheel is taken to be driven with beyond the measured current: what decides
-/// the side of the play where the current is lost in its noise.
-const DRIVEN_SHARE: f64 = 0.5;
+/// Share of the dry friction, which the rotor has to overcome by itself, that a motor's torque must exceed to push its wheel on.
+/// In steady motion it is all of it, and whether the wheel asks for more is lost in the current's noise: such a wheel is pushed.
+const HELD_SHARE: f64 = 0.6;
 
 impl Runtime {
     /// Places what the start does not tell by number: the wheels in the play of the steering by the way the steering came,
@@ -26,17 +26,13 @@ impl Runtime {
                 }
                 Law::GearPlay { half_rad } => {
                     let base = &self.base;
-                    for lane in (0..base.lanes).filter(|lane| base.powered[*lane] > 0.0) {
-                        let side = driven_side(
-                            state.current[lane] * base.torque_per_current[lane],
-                            state.wheel[lane],
-                            base.coulomb_n_m[lane],
-                        );
-                        memory[lane] = side * half_rad;
-                        self.live.gear_place_rad[lane] = memory[lane];
-                        // The encoder sits at the motor and starts at zero.
-                        state.angle[lane] = -memory[lane];
-                    }
+                    let (current, wheel) = (state.current, state.wheel);
+                    let side = |lane: usize| {
+                        let torque_n_m = current[lane] * base.torque_per_current[lane];
+                        driven_side(torque_n_m, wheel[lane], base.coulomb_n_m[lane])
+                    };
+                    gear::settle(memory, *half_rad, side, base, state);
+                    gear::show(memory, base, &mut self.live, state);
                 }
                 Law::CasterSwivel { trail_m, .. } => {
                     let casters = self.base.lanes..self.base.load.count().min(MAX_WHEELS);
@@ -52,9 +48,9 @@ impl Runtime {
     }
 }
 
-/// Side of the play on which the motor pushes, -1, 0 (at rest without torque) or 1.
+/// Side of the play on which the rotor pushes, -1, 0 (at rest without torque) or 1.
 fn driven_side(torque_n_m: f64, wheel_rad_per_s: f64, coulomb_n_m: f64) -> f64 {
-    let pushes = torque_n_m + DRIVEN_SHARE * coulomb_n_m * libm::tanh(wheel_rad_per_s / COULOMB_SCALE_RAD_PER_S);
+    let pushes = torque_n_m - HELD_SHARE * coulomb_n_m * libm::tanh(wheel_rad_per_s / COULOMB_SCALE_RAD_PER_S);
     if pushes == 0.0 { 0.0 } else { 1.0_f64.copysign(pushes) }
 }
 
