@@ -109,6 +109,10 @@ const LEAST_OTHER: usize = 3;
 const LEAST_GAIN: f64 = 0.03;
 /// By this many standard errors of the mean over windows: the loss (95 %, one-sided), and the place 2 s ahead (84 %).
 const LEAST_SIGMAS: [f64; 2] = [1.645, 1.0];
+/// Place errors 2 s ahead that differ by less than the tracker's own, 2 mm, count when they do by this share of physics' and by this many
+/// standard errors.
+const LEAST_NEARER: f64 = 0.1;
+const SURELY_NEARER_SIGMAS: f64 = 3.0;
 /// More inputs must be better by this share.
 const LEAST_FOR_MORE: f64 = 0.03;
 
@@ -169,7 +173,7 @@ pub fn learn(workers: &dyn Workers, request: &Request<'_>) -> Result<Outcome, Le
         gate.gain_sigmas = Some(sigmas);
         let physics_loss = attempts[number].physics;
         let sure = sigmas.iter().zip(LEAST_SIGMAS).all(|(found, least)| *found >= least);
-        if loss <= (1.0 - LEAST_GAIN) * physics_loss && far_m + TRACKER_M <= gate.physics && sure {
+        if loss <= (1.0 - LEAST_GAIN) * physics_loss && is_nearer(gate.physics, far_m, sigmas[1]) && sure {
             verdict = format!(
                 "on the validation runs the learned residual lowers the place error 2 s ahead from {:.4} m to {far_m:.4} m",
                 gate.physics
@@ -247,6 +251,11 @@ pub fn learn(workers: &dyn Workers, request: &Request<'_>) -> Result<Outcome, Le
     })
 }
 
+/// The place 2 s ahead is nearer by what a tracker tells apart in one pose, or by less that many windows agree on.
+fn is_nearer(physics_m: f64, with_m: f64, sigmas: f64) -> bool {
+    with_m + TRACKER_M <= physics_m || (with_m <= (1.0 - LEAST_NEARER) * physics_m && sigmas >= SURELY_NEARER_SIGMAS)
+}
+
 /// The model to learn on: as given, calibrated on the references.
 fn physics(workers: &dyn Workers, request: &Request<'_>, survey: &Survey) -> Result<Hypothesis, LearnError> {
     if request.model.as_ref().is_some_and(|model| model.residual.is_some()) {
@@ -303,5 +312,18 @@ fn version(
     match residual {
         Some(residual) => document.with_residual(residual.clone()),
         None => document,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::is_nearer;
+
+    #[test]
+    fn what_a_tracker_cannot_tell_in_one_pose_counts_when_many_windows_agree() {
+        assert!(is_nearer(0.0054, 0.0036, 6.6), "a third nearer, surely");
+        assert!(!is_nearer(0.0054, 0.0036, 2.9), "a third nearer, perhaps");
+        assert!(!is_nearer(0.0054, 0.0050, 6.6), "hardly nearer");
+        assert!(is_nearer(0.0090, 0.0028, 1.1), "nearer by more than the tracker's error");
     }
 }

@@ -181,7 +181,7 @@ fn residual(
     workers: &dyn Workers,
 ) -> (ModelDocument, String) {
     let mut best: Option<(ModelDocument, String, f64)> = None;
-    let mut said = String::new();
+    let mut said: Vec<String> = Vec::new();
     for target in [Target::Path, Target::Twist] {
         let mut request = Request::new(runs);
         request.model = Some(physics.clone());
@@ -196,11 +196,11 @@ fn residual(
                     best = Some((outcome.model, format!("{target:?}: {}", outcome.report.verdict), far_m));
                 }
             }
-            Ok(outcome) => said = outcome.report.verdict,
-            Err(error) => said = format!("not learned: {error}"),
+            Ok(outcome) => said.push(format!("{target:?}: {}", outcome.report.verdict)),
+            Err(error) => said.push(format!("{target:?}: not learned: {error}")),
         }
     }
-    best.map_or_else(|| (physics.clone(), said), |(model, verdict, _)| (model, verdict))
+    best.map_or_else(|| (physics.clone(), said.join("; ")), |(model, verdict, _)| (model, verdict))
 }
 
 fn gap(case: &Case<'_>, course: Course, speed_m_per_s: f64, seed: u64, [named, with]: [&Robot; 2]) -> Result<Gap> {
