@@ -324,6 +324,9 @@ mod tests {
         assert!(is_nearer(0.0054, 0.0036, 6.6), "a third nearer, surely");
         assert!(!is_nearer(0.0054, 0.0036, 2.9), "a third nearer, perhaps");
         assert!(!is_nearer(0.0054, 0.0050, 6.6), "hardly nearer");
-        assert!(is_nearer(0.0090, 0.0028, 1.1), "nearer by more than the tracker's error");
+        assert!(
+            is_nearer(0.0090, 0.0028, 1.1),
+            "nearer by more than the tracker's error"
+        );
     }
 }

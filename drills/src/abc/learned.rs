@@ -200,7 +200,10 @@ fn residual(
             Err(error) => said.push(format!("{target:?}: not learned: {error}")),
         }
     }
-    best.map_or_else(|| (physics.clone(), said.join("; ")), |(model, verdict, _)| (model, verdict))
+    best.map_or_else(
+        || (physics.clone(), said.join("; ")),
+        |(model, verdict, _)| (model, verdict),
+    )
 }
 
 fn gap(case: &Case<'_>, course: Course, speed_m_per_s: f64, seed: u64, [named, with]: [&Robot; 2]) -> Result<Gap> {
