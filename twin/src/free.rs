@@ -30,6 +30,11 @@ pub struct Start {
     pub steering_history: Reversals,
 }
 
+/// Errors of a speed loop at a start that are more than this many deviations of the encoder's noise are errors, and that noise where it is
+/// not described, rad/s.
+const NOISE_SIGMAS: f64 = 3.0;
+const WHEEL_NOISE_RAD_PER_S: f64 = 0.05;
+
 /// One robot on a floor without walls, stepped at 480 Hz by the same kernel as in [`crate::world::World`].
 #[derive(Debug, Clone)]
 pub struct FreeRobot {
@@ -69,7 +74,7 @@ impl FreeRobot {
                 let voltage_v = current_a / model.per_ohm[lane] + model.torque_per_current[lane] * state.wheel[lane];
                 state.current[lane] = current_a;
                 state.voltage[lane] = voltage_v;
-                state.integral[lane] = motor.settled_integral_rad(voltage_v);
+                state.integral[lane] = motor.settled_integral_rad(voltage_v, 0.0);
             }
         }
         if let Some(runtime) = &mut free.runtime {
@@ -119,16 +124,41 @@ impl FreeRobot {
         self
     }
 
+    /// Sets the integrals of the speed loops anew from how far the wheels are behind their set-points: a start in the middle of an
+    /// acceleration. Motors with a controller of their own stay as they are.
+    ///
+    /// - `set_points`: as the loops see them at the start, and some samples before. The smaller error counts: a loop that has just
+    ///   been told something else has not answered yet.
+    pub fn settle_loops(&mut self, robot: &Robot, set_points: [&WheelCommand; 2]) {
+        let (model, state) = (self.model_now().clone(), &mut self.state);
+        let has_own = self.runtime.as_ref().is_some_and(|runtime| runtime.drives.is_some());
+        let Some(motor) = model.motor.as_ref().filter(|_| !has_own) else {
+            return;
+        };
+        let noise = robot.description().noise.as_ref();
+        let sigma = noise
+            .and_then(|noise| noise.wheel_rad_per_s)
+            .unwrap_or(WHEEL_NOISE_RAD_PER_S);
+        for lane in (0..model.lanes).filter(|lane| robot.model().powered[*lane] > 0.0) {
+            let wheel = model.wheel_of_lane[lane];
+            let seen = model.encoder_speed(state, lane);
+            let [now, before] = set_points.map(|set_point| set_point.wheel_rad_per_s[wheel] - seen);
+            let error = beyond(smaller(now, before), NOISE_SIGMAS * sigma);
+            state.integral[lane] = motor.settled_integral_rad(state.voltage[lane], error);
+        }
+    }
+
     /// True when an effect of commands remembers what was sent.
     pub fn remembers_commands(&self) -> bool {
         self.runtime.as_ref().is_some_and(Runtime::remembers_commands)
     }
 
     /// Lets the effects of commands see a set-point that was in force `to_go` steps before the first step: for starts in
-    /// motion, called step by step after [`FreeRobot::after_holding`].
-    pub fn remember(&mut self, command: &WheelCommand, to_go: u64) {
-        if let Some(runtime) = &mut self.runtime {
-            runtime.remember(command, to_go);
+    /// motion, called step by step after [`FreeRobot::after_holding`]. What the speed loops saw then.
+    pub fn remember(&mut self, command: &WheelCommand, to_go: u64) -> WheelCommand {
+        match &mut self.runtime {
+            Some(runtime) => runtime.remember(command, to_go),
+            None => *command,
         }
     }
 
@@ -204,6 +234,22 @@ impl FreeRobot {
     pub fn is_finite(&self) -> bool {
         self.state.is_finite()
     }
+}
+
+/// The one of two numbers of one sign that is closer to zero; 0 for two of either sign.
+fn smaller(a: f64, b: f64) -> f64 {
+    if a * b <= 0.0 {
+        0.0
+    } else if a.abs() < b.abs() {
+        a
+    } else {
+        b
+    }
+}
+
+/// A number with what is below a limit taken off.
+fn beyond(value: f64, limit: f64) -> f64 {
+    (value.abs() - limit).max(0.0).copysign(value)
 }
 
 /// One sample of the speed loops, steering and physics over 1/480 s.

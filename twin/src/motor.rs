@@ -51,12 +51,12 @@ impl MotorModel {
         self.integral_limit_rad = if self.ki > 0.0 { supply_v / self.ki } else { 0.0 };
     }
 
-    /// Error integral at which the loop holds a voltage with no error, rad.
-    pub(crate) fn settled_integral_rad(&self, voltage_v: f64) -> f64 {
+    /// Error integral at which the loop gives a voltage at an error, rad.
+    pub(crate) fn settled_integral_rad(&self, voltage_v: f64, error_rad_per_s: f64) -> f64 {
         if self.ki <= 0.0 {
             return 0.0;
         }
-        (voltage_v / self.ki)
+        ((voltage_v - self.kp * error_rad_per_s) / self.ki)
             .min(self.integral_limit_rad)
             .max(-self.integral_limit_rad)
     }

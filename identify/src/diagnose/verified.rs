@@ -28,10 +28,16 @@ pub(super) fn verified(gaps: &[Gap], explained: Option<f64>, names: usize) -> Ve
     if explained.is_some_and(|explained| explained >= PROVEN) {
         return Verified::Holds;
     }
+    // Names that make up for nothing have no credit: what the references have of a row is then all that it may have.
+    let floors = if explained.is_some_and(|explained| explained < 0.0) {
+        1.0
+    } else {
+        A_GAP
+    };
     // The interval of the error afterwards lies above the error before, and the error above what the references have of it.
     let worse = gaps
         .iter()
-        .filter(|gap| gap.low > gap.before && gap.after > (1.0 + WORSE) * gap.before && gap.after > A_GAP * gap.floor);
+        .filter(|gap| gap.low > gap.before && gap.after > (1.0 + WORSE) * gap.before && gap.after > floors * gap.floor);
     let share = |gap: &Gap| gap.after / gap.before.max(1e-300);
     let Some(worst) = worse.max_by(|a, b| share(a).total_cmp(&share(b))) else {
         return Verified::Holds;
@@ -93,6 +99,12 @@ mod tests {
             verified(&[row("current", 0.12, 0.10, 0.17)], None, 1),
             Verified::Holds,
             "at the floor"
+        );
+        let above = row("pose", 0.006, 0.0046, 0.0086);
+        assert_eq!(verified(core::slice::from_ref(&above), Some(0.2), 1), Verified::Holds);
+        assert!(
+            matches!(verified(&[above], Some(-0.2), 1), Verified::Not(_)),
+            "nothing is explained, and the error rises above the floor"
         );
     }
 }

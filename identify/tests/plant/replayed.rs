@@ -6,13 +6,19 @@ use identify::channel::Channel;
 use identify::diagnose::{Run, calibrated};
 use identify::hypothesis::Hypothesis;
 use identify::workers::Serial;
+use twin::effect::Effect;
 use twin::pose::Pose;
 use twin::replay::{ReplayRow, replay};
 use twin::robot::{Robot, RobotDescription};
 
 /// What a robot of the twin makes of a run's set-points in place of what was measured, with the described noise.
-pub fn of_the_twin(mut run: Run, description: RobotDescription, seed: u64) -> Run {
-    let robot = Robot::new(description).unwrap_or_else(|error| panic!("{error}"));
+pub fn of_the_twin(run: Run, description: RobotDescription, seed: u64) -> Run {
+    of_the_twin_with(run, description, &[], seed)
+}
+
+/// The same of a robot with effects.
+pub fn of_the_twin_with(mut run: Run, description: RobotDescription, effects: &[Effect], seed: u64) -> Run {
+    let robot = Robot::with_effects(description, effects).unwrap_or_else(|error| panic!("{error}"));
     let mut noise = Noise::new(seed, 1234);
     let rows = run.bundle.command_rows();
     let first = Pose {

@@ -19,12 +19,13 @@ impl Runtime {
         self.dynamics.commands.iter().any(|stage| stage.words() > 0)
     }
 
-    /// Lets the stages see a set-point that was in force `to_go` physics steps before the first one.
-    pub(crate) fn remember(&mut self, command: &WheelCommand, to_go: u64) {
+    /// Lets the stages see a set-point that was in force `to_go` physics steps before the first one; what comes out behind them.
+    pub(crate) fn remember(&mut self, command: &WheelCommand, to_go: u64) -> WheelCommand {
         let mut command = *command;
         for stage in &self.dynamics.commands {
             command = stage.remember(command, &self.nominal, &mut self.memory, to_go);
         }
+        command
     }
 
     /// Takes over what a runtime of the same robot remembers; allocates only where motors have a controller of their own.

@@ -1,0 +1,85 @@
+//! Windows begin anew in the middle of a motion: what the motion before left behind must not be lost.
+
+mod plant;
+
+use identify::hypothesis::Hypothesis;
+use identify::record::{Quantity, Record, Stages, WINDOW_S, residuals};
+use plant::replayed::of_the_twin_with;
+use plant::{Change, robot, run};
+use twin::effect::Effect;
+
+/// Root mean square of what is left of a channel in the first `seconds` of the windows of two runs of the twin with an effect, under models with
+/// the effects told.
+fn left<const N: usize>(
+    chassis: &str,
+    truth: &Effect,
+    (of, seconds): (fn(Quantity) -> bool, f64),
+    models: [&[Effect]; N],
+) -> [f64; N] {
+    let description = robot(chassis);
+    let records: Vec<Record> = (0..2)
+        .map(|k| {
+            let driven = run("run", &description, &Change::none(), 70 + k, 20, false);
+            let replayed = of_the_twin_with(driven, description.clone(), core::slice::from_ref(truth), k);
+            Record::of(&replayed.path, &replayed.bundle)
+        })
+        .collect();
+    models.map(|effects| {
+        let hypothesis = Hypothesis {
+            effects: effects.to_vec(),
+            ..Hypothesis::nominal(&description)
+        };
+        let (mut sum, mut count) = (0.0, 0.0);
+        for record in &records {
+            let residual = residuals(record, &hypothesis, Stages::BOTH, None).expect("the twin can be driven");
+            for (place, value) in record.places().iter().zip(residual) {
+                let into_s = place.time_s - record.windows[place.window].from_s;
+                if place.quantity.is_some_and(of) && into_s < seconds {
+                    sum += value * value;
+                    count += 1.0;
+                }
+            }
+        }
+        f64::sqrt(sum / count)
+    })
+}
+
+#[test]
+fn a_play_of_the_steering_is_met_by_its_own_size_alone() {
+    let play = |rad: f64| Effect::new("steering_backlash", &[("play", rad)]);
+    let is_gyro = |quantity| quantity == Quantity::Gyro;
+    let [none, half, truth, twice] = left(
+        "rwd",
+        &play(0.03),
+        (is_gyro, WINDOW_S),
+        [&[], &[play(0.015)], &[play(0.03)], &[play(0.06)]],
+    );
+    // Noise of 6 mrad/s over cells of six samples, and what is left of that of the steering.
+    assert!(truth < 0.005, "rad/s: {truth}");
+    assert!(
+        none > 3.0 * truth && half > 1.7 * truth && twice > 3.0 * truth,
+        "{none} {half} {truth} {twice}"
+    );
+}
+
+#[test]
+fn a_play_of_the_gears_is_met_by_its_own_size_alone() {
+    let play = |rad: f64| Effect::new("gear_backlash", &[("play", rad)]);
+    let is_wheel = |quantity| matches!(quantity, Quantity::Wheel(_));
+    let models: [&[Effect]; 3] = [&[], &[play(0.03)], &[play(0.06)]];
+    let [none, truth, twice] = left("diff2", &play(0.03), (is_wheel, WINDOW_S), models);
+    // What happens at a step while the rotor is in the middle of its play depends on where it is to a hair.
+    assert!(truth < 0.75 * none && truth < twice, "rad/s: {none} {truth} {twice}");
+}
+
+/// A speed loop in the middle of an acceleration holds its voltage with an error and less of an integral.
+#[test]
+fn windows_that_begin_in_an_acceleration_are_met() {
+    let nothing = Effect::new("gyro_bias", &[("bias", 0.0)]);
+    let is_wheel = |quantity| matches!(quantity, Quantity::Wheel(_));
+    for chassis in ["diff2", "omni4", "rwd"] {
+        let [left] = left(chassis, &nothing, (is_wheel, 0.6), [&[]]);
+        // Noise of 50 mrad/s over cells of six samples is 20.
+        assert!(left < 0.04, "{chassis}: {left} rad/s");
+    }
+}
