@@ -27,23 +27,23 @@ pub struct Golden {
 pub const TABLE: [Golden; 5] = [
     Golden {
         name: "omni4-alone",
-        digest: "3c0f73947368478c83db92eb273f09d4",
+        digest: "ba589c04675629fe42f0c1e094bbb6e3",
     },
     Golden {
         name: "diff2-alone",
-        digest: "e167b617fd6268f845d2666210ebe7d2",
+        digest: "0f33a7110aac6829db7f7162d89eb91a",
     },
     Golden {
         name: "awd-slippery",
-        digest: "9e50b8731c2f84b3fa4cb93a11044136",
+        digest: "71e4fbd5177c445aed89eae3ad45bb85",
     },
     Golden {
         name: "head-on",
-        digest: "3b8070eed5cfdbfecfd18f50ab47d02a",
+        digest: "081945ea92b2331fdd97d406d1183e20",
     },
     Golden {
         name: "pile-up",
-        digest: "964068503d12f56889fcb39777fc1f22",
+        digest: "04638842398fcbc81976212e75588d19",
     },
 ];
 
