@@ -12,6 +12,7 @@ use crate::reversals::Reversals;
 use crate::robot::Robot;
 use crate::state::BodyState;
 pub use crate::state::RobotState;
+pub use crate::told::Told;
 use crate::twist::BodyTwist;
 use crate::{MAX_WHEELS, PHYSICS_PERIOD_S, SUBSTEPS, kernel};
 
@@ -126,10 +127,7 @@ impl FreeRobot {
 
     /// Sets the integrals of the speed loops anew from how far the wheels are behind their set-points: a start in the middle of an
     /// acceleration. Motors with a controller of their own stay as they are.
-    ///
-    /// - `set_points`: as the loops see them at the start, and some samples before. The smaller error counts: a loop that has just
-    ///   been told something else has not answered yet.
-    pub fn settle_loops(&mut self, robot: &Robot, set_points: [&WheelCommand; 2]) {
+    pub fn settle_loops(&mut self, robot: &Robot, told: &Told) {
         let (model, state) = (self.model_now().clone(), &mut self.state);
         let has_own = self.runtime.as_ref().is_some_and(|runtime| runtime.drives.is_some());
         let Some(motor) = model.motor.as_ref().filter(|_| !has_own) else {
@@ -140,10 +138,9 @@ impl FreeRobot {
             .and_then(|noise| noise.wheel_rad_per_s)
             .unwrap_or(WHEEL_NOISE_RAD_PER_S);
         for lane in (0..model.lanes).filter(|lane| robot.model().powered[*lane] > 0.0) {
-            let wheel = model.wheel_of_lane[lane];
             let seen = model.encoder_speed(state, lane);
-            let [now, before] = set_points.map(|set_point| set_point.wheel_rad_per_s[wheel] - seen);
-            let error = beyond(smaller(now, before), NOISE_SIGMAS * sigma);
+            let error = told.error_rad_per_s(model.wheel_of_lane[lane], seen);
+            let error = (error.abs() - NOISE_SIGMAS * sigma).max(0.0).copysign(error);
             state.integral[lane] = motor.settled_integral_rad(state.voltage[lane], error);
         }
     }
@@ -234,22 +231,6 @@ impl FreeRobot {
     pub fn is_finite(&self) -> bool {
         self.state.is_finite()
     }
-}
-
-/// The one of two numbers of one sign that is closer to zero; 0 for two of either sign.
-fn smaller(a: f64, b: f64) -> f64 {
-    if a * b <= 0.0 {
-        0.0
-    } else if a.abs() < b.abs() {
-        a
-    } else {
-        b
-    }
-}
-
-/// A number with what is below a limit taken off.
-fn beyond(value: f64, limit: f64) -> f64 {
-    (value.abs() - limit).max(0.0).copysign(value)
 }
 
 /// One sample of the speed loops, steering and physics over 1/480 s.

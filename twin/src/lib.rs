@@ -32,6 +32,7 @@ pub mod sensor;
 pub mod snapshot;
 mod state;
 mod steering;
+mod told;
 pub mod tread;
 pub mod twist;
 mod tyre;

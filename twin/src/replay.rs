@@ -5,7 +5,7 @@
 
 use crate::command::WheelCommand;
 use crate::effect::History;
-use crate::free::{FreeRobot, RobotState, Start};
+use crate::free::{FreeRobot, RobotState, Start, Told};
 use crate::pose::Pose;
 use crate::residual::AXES;
 use crate::robot::Robot;
@@ -17,9 +17,6 @@ const STAMP_TOLERANCE_S: f64 = 1e-5;
 
 /// Set-points longer ago than this are not worked out, steps (20 s).
 const LONGEST_MEMORY_STEPS: u64 = 20 * PHYSICS_RATE_HZ as u64;
-
-/// Physics steps after which a speed loop has answered a set-point (29 ms).
-const ANSWERED_STEPS: u64 = 14;
 
 /// One row of the command columns; `None` = no sample at this time.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -194,7 +191,9 @@ fn replay_with(
     };
     let mut free = FreeRobot::moving(robot, start).after_holding(&held.command());
     let (mut held, told) = remembered(robot, &mut free, held, earlier, first.time_s);
-    free.settle_loops(robot, [&told[0], &told[1]]);
+    if let Some(told) = told {
+        free.settle_loops(robot, &told);
+    }
     let mut next = 0;
     let duration_s = rows.last().map_or(0.0, |last| last.time_s - first.time_s);
     let mut history = History::new(robot.sensors(), duration_s, free.state());
@@ -241,43 +240,40 @@ fn replay_with(
     Ok(out)
 }
 
-/// Runs the effects of commands through what was sent before `start_s`; the set-points then in force, and what the speed loops see of
-/// them then and [`ANSWERED_STEPS`] before.
+/// Runs the effects of commands through what was sent before `start_s`; the set-points then in force, and what the speed loops were told, if
+/// it is known for long enough.
 fn remembered(
     robot: &Robot,
     free: &mut FreeRobot,
     mut held: HeldCommand,
     earlier: &[CommandRow],
     start_s: f64,
-) -> (HeldCommand, [WheelCommand; 2]) {
-    let remembers = free.remembers_commands();
+) -> (HeldCommand, Option<Told>) {
     let Some(oldest) = earlier.first() else {
-        return (held, [held.command(); 2]);
+        return (held, None);
     };
-    let reach = if remembers {
+    let reach = if free.remembers_commands() {
         LONGEST_MEMORY_STEPS
     } else {
-        ANSWERED_STEPS
+        Told::ANSWERED_STEPS
     };
     let steps = (((start_s - oldest.time_s) * f64::from(PHYSICS_RATE_HZ)) as u64).min(reach);
     let mut next = 0;
-    let mut told = [held.command(); 2];
+    let (mut now, mut told) = (held.command(), None);
     for to_go in (1..=steps).rev() {
         let now_s = start_s - to_go as f64 / f64::from(PHYSICS_RATE_HZ);
         while next < earlier.len() && earlier[next].time_s <= now_s + STAMP_TOLERANCE_S {
             held.apply(robot, &earlier[next]);
             next += 1;
         }
-        told[0] = free.remember(&held.command(), to_go);
-        if to_go >= ANSWERED_STEPS || to_go == steps {
-            told[1] = told[0];
+        let seen = free.remember(&held.command(), to_go);
+        if to_go == Told::ANSWERED_STEPS {
+            told = Some(seen);
         }
+        now = seen;
     }
     earlier[next..].iter().for_each(|row| held.apply(robot, row));
-    if !remembers {
-        told[0] = held.command();
-    }
-    (held, told)
+    (held, told.map(|before| Told { now, before }))
 }
 
 fn check_rows(rows: &[CommandRow]) -> Result<(), ReplayError> {
