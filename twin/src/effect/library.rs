@@ -468,7 +468,7 @@ pub const LIBRARY: &[EffectEntry] = &[
         "gear_backlash",
         (Actuator, Motor, false),
         &[p("play", "rad", 0.0, (0.0, 0.3), Absolute(0.5 * DEG, 3.0 * DEG))],
-        "no torque while the motor crosses the play, at the wheel; the encoder sits at the motor",
+        "no torque while the rotor, with its inertia, crosses the play, at the wheel; the encoder sits at the rotor",
         "slow reversals",
     ),
     effect(
