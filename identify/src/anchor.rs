@@ -6,6 +6,7 @@ use twin::twist::BodyTwist;
 
 use crate::bundle::{Bundle, Series, Telemetry};
 use crate::channel::Channel;
+use crate::steering_history::Walk;
 
 /// Half width of the window that poses are fitted over, s; wider where poses are rare, in their median period.
 const HALF_WINDOW_S: f64 = 0.1;
@@ -180,9 +181,10 @@ fn recent(telemetry: &Telemetry, channel: Channel, row: usize) -> Option<f64> {
 /// Start of a prediction at a telemetry row: fitted pose and twist; wheel speeds, currents and steering as last measured.
 ///
 /// - `board_row`: the row up to which on-board channels are read; `row` unless the robot's clock is known to be off.
+/// - `steered`: a pass over the steering of the bundle; board rows grow from call to call.
 /// - Without wheel speeds the slip-free speeds of the twist are taken; without currents none.
 /// - `None` when the poses around the row do not carry a fit.
-pub fn start_at(bundle: &Bundle, track: &Track, row: usize, board_row: usize) -> Option<Start> {
+pub fn start_at(bundle: &Bundle, track: &Track, (row, board_row): (usize, usize), steered: &mut Walk) -> Option<Start> {
     let (pose, [vx, vy, yaw_rate]) = track.fitted(bundle.telemetry.time_s[row])?;
     let (sin, cos) = libm::sincos(pose.yaw_rad);
     let twist = BodyTwist {
@@ -198,6 +200,7 @@ pub fn start_at(bundle: &Bundle, track: &Track, row: usize, board_row: usize) ->
         pose,
         twist,
         steering_rad,
+        steering_history: steered.until(bundle.telemetry.time_s[board_row]),
         ..Start::default()
     };
     let rolling = bundle.robot.wheel_speeds_holding(twist, steering_rad);

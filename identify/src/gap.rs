@@ -8,7 +8,6 @@
 
 use serde::Serialize;
 use twin::effect::Effect;
-use twin::free::Start;
 use twin::pose::{Pose, wrapped_rad};
 use twin::replay::{CommandRow, HeldCommand, ReplayError, ReplayRow, replay_after};
 use twin::robot::Robot;
@@ -145,10 +144,7 @@ pub fn end_to_end_with(
             let board_s = at_s + clock.offset_s + clock.drift * (at_s - times[0]);
             let board_row = times.partition_point(|t| *t <= board_s).saturating_sub(1);
             let board_row = if clock == RobotClock::default() { row } else { board_row };
-            start_at(bundle, &track, row, board_row).map(|start| Start {
-                steering_history: steered.until(times[board_row]),
-                ..start
-            })
+            start_at(bundle, &track, (row, board_row), &mut steered)
         } else {
             None
         };

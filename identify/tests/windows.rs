@@ -2,11 +2,13 @@
 
 mod plant;
 
+use identify::gap::{RobotClock, end_to_end_with};
 use identify::hypothesis::Hypothesis;
 use identify::record::{Quantity, Record, Stages, WINDOW_S, residuals};
 use plant::replayed::of_the_twin_with;
 use plant::{Change, robot, run};
 use twin::effect::Effect;
+use twin::robot::Robot;
 
 /// Root mean square of what is left of a channel in the first `seconds` of the windows of two runs of the twin with an effect, under models with
 /// the effects told.
@@ -48,17 +50,14 @@ fn left<const N: usize>(
 fn a_play_of_the_steering_is_met_by_its_own_size_alone() {
     let play = |rad: f64| Effect::new("steering_backlash", &[("play", rad)]);
     let is_gyro = |quantity| quantity == Quantity::Gyro;
-    let [none, half, truth, twice] = left(
-        "rwd",
-        &play(0.03),
-        (is_gyro, WINDOW_S),
-        [&[], &[play(0.015)], &[play(0.03)], &[play(0.06)]],
-    );
+    let sizes = [0.015, 0.03, 0.034, 0.06].map(|rad| [play(rad)]);
+    let models: [&[Effect]; 5] = [&[], &sizes[0], &sizes[1], &sizes[2], &sizes[3]];
+    let [none, half, truth, more, twice] = left("rwd", &play(0.03), (is_gyro, WINDOW_S), models);
     // Noise of 6 mrad/s over cells of six samples, and what is left of that of the steering.
     assert!(truth < 0.005, "rad/s: {truth}");
     assert!(
-        none > 3.0 * truth && half > 1.7 * truth && twice > 3.0 * truth,
-        "{none} {half} {truth} {twice}"
+        none > 3.0 * truth && more > truth && half > 1.7 * truth && twice > 3.0 * truth,
+        "{none} {half} {truth} {more} {twice}"
     );
 }
 
@@ -82,4 +81,19 @@ fn windows_that_begin_in_an_acceleration_are_met() {
         // Noise of 50 mrad/s over cells of six samples is 20.
         assert!(left < 0.04, "{chassis}: {left} rad/s");
     }
+}
+
+#[test]
+fn predictions_from_the_middle_of_a_run_know_the_play_too() {
+    let play = Effect::new("steering_backlash", &[("play", 0.06)]);
+    let description = robot("rwd");
+    let driven = run("run", &description, &Change::none(), 70, 20, false);
+    let replayed = of_the_twin_with(driven, description.clone(), core::slice::from_ref(&play), 0);
+    let yaw_rad = |effects: &[Effect]| {
+        let robot = Robot::with_effects(description.clone(), effects).expect("a robot");
+        let gap = end_to_end_with(&replayed.bundle, &robot, RobotClock::default(), 0.5).expect("poses");
+        gap.horizons[2].yaw_rad
+    };
+    let (without, with) = (yaw_rad(&[]), yaw_rad(core::slice::from_ref(&play)));
+    assert!(with < 0.25 * without, "rad: {without} {with}");
 }

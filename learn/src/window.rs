@@ -240,10 +240,7 @@ impl<'a> Source<'a> {
             return None;
         }
         let board_row = self.board_row(row, start_s);
-        let start = Start {
-            steering_history: steered.until(times[board_row]),
-            ..start_at(self.bundle, &self.track, row, board_row)?
-        };
+        let start = start_at(self.bundle, &self.track, (row, board_row), steered)?;
         let (before, earlier, rows) = self.commands(start_s, end_s)?;
         let mut window = Window {
             run,

@@ -140,7 +140,7 @@ fn what_wheels_do_besides_what_they_are_told_is_found() {
 }
 
 fn windows() -> Vec<Window> {
-    let run = logs::run(None, &Log::usual(0.5), "run");
+    let run = logs::run(Some(&truth(DRAG_PER_S, 0.0)), &Log::usual(0.5), "run");
     let mut collection = Collection::new(TRAINING, 1000);
     collection.add(0, "run", &run.bundle, Default::default()).unwrap();
     collection.windows
@@ -157,8 +157,7 @@ fn the_linear_loss_is_that_of_a_driven_twin() {
     let scales = Scales::of(plain.iter().map(Vec::as_slice));
     let eyes = eyes(robot.description(), Sight::Motion);
     let push = [-0.15, 0.0, 0.4, 0.0, 0.0, 0.0];
-    let (mut found, mut predicted) = (0.0, 0.0);
-    for window in &windows {
+    for window in &windows[3..6] {
         let problem = linearised(&robot, window, (&eyes, &(0..OUTPUTS.len())), &scales, Target::Path).unwrap();
         let path = driven(&robot, window, &mut |_| Some(push)).unwrap();
         // Weights of the outliers are those of the linearisation: compare the differences through a loss of its own.
@@ -171,7 +170,7 @@ fn the_linear_loss_is_that_of_a_driven_twin() {
         let pushed = differences(window, &path, true).unwrap();
         let change: Vec<f64> = push.iter().copied().cycle().take(AXES * problem.blocks).collect();
         let mut gradient = vec![0.0; change.len()];
-        predicted += problem.loss(&change, &mut gradient) - problem.energy;
+        let predicted = problem.loss(&change, &mut gradient) - problem.energy;
         let counts = |class| base.iter().filter(|d| d.class == class).count() as f64;
         let weighted = |all: &[learn::compare::Difference]| -> f64 {
             let pairs = all.iter().zip(&base);
@@ -184,10 +183,12 @@ fn the_linear_loss_is_that_of_a_driven_twin() {
                 })
                 .sum()
         };
-        found += weighted(&pushed) - weighted(&base);
+        let found = weighted(&pushed) - weighted(&base);
+        assert!(
+            (found - predicted).abs() < 0.15 * found.abs() + 0.02,
+            "{found} {predicted}"
+        );
     }
-    // In one window the push makes a wheel slip, in another it grips again: training sees the sum.
-    assert!((found - predicted).abs() < 0.15 * found.abs(), "{found} {predicted}");
 }
 
 #[test]

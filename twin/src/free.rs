@@ -12,7 +12,7 @@ use crate::reversals::Reversals;
 use crate::robot::Robot;
 use crate::state::BodyState;
 pub use crate::state::RobotState;
-pub use crate::told::Told;
+use crate::told::Told;
 use crate::twist::BodyTwist;
 use crate::{MAX_WHEELS, PHYSICS_PERIOD_S, SUBSTEPS, kernel};
 
@@ -23,7 +23,8 @@ pub struct Start {
     pub twist: BodyTwist,
     /// By position in `wheels`.
     pub wheel_rad_per_s: [f64; MAX_WHEELS],
-    /// By position in `wheels`; the control's integrals are set so that it holds this current at this wheel speed.
+    /// By position in `wheels`; the control's integrals are set so that it holds this current at this wheel speed. 0 where it is not
+    /// known.
     pub current_a: [f64; MAX_WHEELS],
     pub steering_rad: f64,
     /// The steering up to the start: on which side of its play the wheels lie. Empty: where a turn from straight ahead left
@@ -127,9 +128,10 @@ impl FreeRobot {
 
     /// Sets the integrals of the speed loops anew from how far the wheels are behind their set-points: a start in the middle of an
     /// acceleration. Motors with a controller of their own stay as they are.
-    pub fn settle_loops(&mut self, robot: &Robot, told: &Told) {
-        let (model, state) = (self.model_now().clone(), &mut self.state);
-        let has_own = self.runtime.as_ref().is_some_and(|runtime| runtime.drives.is_some());
+    pub(crate) fn settle_loops(&mut self, robot: &Robot, told: &Told) {
+        let runtime = self.runtime.as_ref();
+        let (model, state) = (runtime.map_or(&self.model, |runtime| &*runtime.live), &mut self.state);
+        let has_own = runtime.is_some_and(|runtime| runtime.drives.is_some());
         let Some(motor) = model.motor.as_ref().filter(|_| !has_own) else {
             return;
         };
@@ -137,7 +139,9 @@ impl FreeRobot {
         let sigma = noise
             .and_then(|noise| noise.wheel_rad_per_s)
             .unwrap_or(WHEEL_NOISE_RAD_PER_S);
-        for lane in (0..model.lanes).filter(|lane| robot.model().powered[*lane] > 0.0) {
+        // Without its current nothing tells how hard a motor pulls: the error alone has to.
+        let is_known = |lane: usize| robot.model().powered[lane] > 0.0 && state.current[lane] != 0.0;
+        for lane in (0..model.lanes).filter(|lane| is_known(*lane)) {
             let seen = model.encoder_speed(state, lane);
             let error = told.error_rad_per_s(model.wheel_of_lane[lane], seen);
             let error = (error.abs() - NOISE_SIGMAS * sigma).max(0.0).copysign(error);
@@ -337,6 +341,27 @@ mod tests {
             copy.step(&command(tick));
             assert_eq!(copy.state(), original.state(), "step {tick}");
         }
+    }
+
+    #[test]
+    fn rotors_start_on_the_side_of_their_play_that_the_current_tells() {
+        let play = [Effect::new("gear_backlash", &[("play", 0.04)])];
+        let robot = Robot::with_effects(crate::golden::reference_robot("diff2"), &play).expect("a robot");
+        let model = robot.model();
+        let friction_a = model.coulomb_n_m[0] / model.torque_per_current[0];
+        let place_rad = |wheel_rad_per_s: f64, current_a: f64| {
+            let mut start = Start::default();
+            (start.wheel_rad_per_s[0], start.current_a[0]) = (wheel_rad_per_s, current_a);
+            let free = FreeRobot::moving(&robot, &start);
+            // The encoder sits at the rotor and starts at zero.
+            assert_eq!(free.state().wheel_rad[0], 0.0);
+            free.model_now().gear_place_rad[0]
+        };
+        assert_eq!(place_rad(5.0, 10.0 * friction_a), 0.02, "it accelerates");
+        assert_eq!(place_rad(5.0, friction_a), 0.02, "steady");
+        assert_eq!(place_rad(5.0, 0.0), -0.02, "it coasts: friction holds the rotor back");
+        assert_eq!(place_rad(-5.0, -friction_a), -0.02, "the other way");
+        assert_eq!(place_rad(0.0, 0.0), 0.0, "nothing tells");
     }
 
     #[test]

@@ -5,10 +5,11 @@
 
 use crate::command::WheelCommand;
 use crate::effect::History;
-use crate::free::{FreeRobot, RobotState, Start, Told};
+use crate::free::{FreeRobot, RobotState, Start};
 use crate::pose::Pose;
 use crate::residual::AXES;
 use crate::robot::Robot;
+use crate::told::Told;
 use crate::twist::BodyTwist;
 use crate::{MAX_WHEELS, PHYSICS_RATE_HZ, SUBSTEPS};
 

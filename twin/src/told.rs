@@ -4,15 +4,15 @@ use crate::command::WheelCommand;
 
 /// Set-points of the wheels.
 #[derive(Debug, Clone, Copy)]
-pub struct Told {
-    pub now: WheelCommand,
+pub(crate) struct Told {
+    pub(crate) now: WheelCommand,
     /// [`Told::ANSWERED_STEPS`] before, when a loop that has answered was told.
-    pub before: WheelCommand,
+    pub(crate) before: WheelCommand,
 }
 
 impl Told {
     /// Physics steps after which a loop has answered a set-point (29 ms).
-    pub const ANSWERED_STEPS: u64 = 14;
+    pub(crate) const ANSWERED_STEPS: u64 = 14;
 
     /// By how much a wheel that turns at a speed is behind, rad/s: the smaller one of now and before, since a loop that has just been told
     /// something else has not answered yet; 0 when they differ in sign.

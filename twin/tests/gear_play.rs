@@ -71,8 +71,7 @@ fn a_reversal_takes_the_rotor_through_the_play_before_the_body_turns_round() {
 }
 
 #[test]
-fn rotor_and_wheel_keep_their_momentum_when_they_meet() {
-    // In the air there would be no contact force; on the floor the body's speed changes by less than the rotor's does.
+fn a_loop_does_not_race_while_its_rotor_crosses() {
     let robot = robot(0.05);
     let mut free = FreeRobot::at_rest(&robot, Pose::default());
     let start = drive(&robot, &mut free, 0.4, 480);

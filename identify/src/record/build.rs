@@ -236,9 +236,9 @@ fn window(source: &Source, start_s: f64, to_s: f64, sent: &Sent, steered: &mut W
     let row = times.partition_point(|t| *t < start_s).min(times.len() - 1);
     let poses = !source.track.poses.is_empty();
     let mut start = if poses {
-        start_at(bundle, &source.track, row, row)?
+        start_at(bundle, &source.track, (row, row), steered)?
     } else {
-        start_without_poses(source, start_s)
+        start_without_poses(source, start_s, steered)
     };
     if times[row] - start_s > 0.05 {
         return None;
@@ -246,7 +246,6 @@ fn window(source: &Source, start_s: f64, to_s: f64, sent: &Sent, steered: &mut W
     // The fit belongs to the row's time; the window begins there.
     let start_s = times[row];
     let from_s = start_s + RUN_IN_S;
-    start.steering_history = steered.until(start_s);
     if bundle.run.robot.motor.is_none() {
         start.current_a = Default::default();
     }
@@ -292,8 +291,11 @@ fn window(source: &Source, start_s: f64, to_s: f64, sent: &Sent, steered: &mut W
 }
 
 /// Without poses: wheel speeds as measured, the twist by slip-free rolling.
-fn start_without_poses(source: &Source, start_s: f64) -> Start {
-    let mut start = Start::default();
+fn start_without_poses(source: &Source, start_s: f64, steered: &mut Walk) -> Start {
+    let mut start = Start {
+        steering_history: steered.until(start_s),
+        ..Start::default()
+    };
     for (quantity, line) in &source.lines {
         match quantity {
             Quantity::Wheel(k) => start.wheel_rad_per_s[*k] = line.at(start_s),

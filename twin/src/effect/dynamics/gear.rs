@@ -147,3 +147,33 @@ fn powered(base: &Model) -> impl Iterator<Item = usize> + use<> {
     let (lanes, present) = (base.lanes, base.powered);
     (0..lanes).filter(move |lane| present[*lane] > 0.0)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::golden::reference_robot;
+    use crate::pose::Pose;
+
+    #[test]
+    fn rotor_and_wheel_meet_with_the_momentum_of_both() {
+        let base = Model::new(&reference_robot("diff2"));
+        let (mut live, mut state) = (base.clone(), BodyState::at_rest(&base, Pose::default()));
+        let half_rad = 0.01;
+        let mut words = [0.0; WORDS];
+        (words[0], words[MAX_WHEELS]) = (0.99 * half_rad, 10.0);
+        // The voltage that keeps 10 rad/s but for friction.
+        state.voltage[0] = 10.0 * base.torque_per_current[0];
+        let alone = rotor_after(&base, 0, 10.0, state.voltage[0]);
+        finish(&mut words, half_rad, &base, &mut live, &mut state);
+        assert!(
+            (state.wheel[0] - ROTOR_SHARE * alone).abs() < 1e-12,
+            "{}",
+            state.wheel[0]
+        );
+        assert_eq!((words[0], live.gear_rate_rad_per_s[0]), (half_rad, 0.0));
+        assert_eq!(
+            live.gear_place_rad[0], half_rad,
+            "the encoder has turned with the rotor"
+        );
+    }
+}
