@@ -18,6 +18,8 @@ const TURNING_RAD_PER_S: f64 = 0.4;
 /// Speed at which a steered robot is asked to bend, and how: with this share of its steering.
 const BENDING_M_PER_S: f64 = 0.3;
 const BENDING_SHARE: f64 = 0.3;
+/// A turn on the spot at a corner, over the small one: 1.6 rad/s.
+const SPIN_TIMES: f64 = 4.0;
 /// How long the answer to a step is watched.
 const WATCHED_STEPS: u32 = 3 * SUBSTEPS * TICK_RATE_HZ;
 /// A robot that does less than this share of what it is told does not answer.
@@ -112,7 +114,33 @@ fn turn(robot: &Robot) -> (BodyTwist, BodyTwist) {
 /// Share of the yaw rate that a robot is told which it turns at last, in a small turn, the mean of left and right; 0 for one
 /// that does not turn.
 pub(crate) fn turn_share(robot: &Robot) -> f64 {
-    let (before, left) = turn(robot);
+    let ([left, right], told_rad_per_s) = turned(robot, 1.0);
+    let share = 0.5 * (left.yaw_rate_rad_per_s - right.yaw_rate_rad_per_s) / told_rad_per_s;
+    if share.is_finite() { share } else { 0.0 }
+}
+
+/// Point of the body that does not slide sideways in a turn on the spot as laws ask for, ahead of the body origin, m: where the fixed
+/// axle is, or, of a robot that drags its wheels over the floor, where loads and motors let it turn. 0 for one that does not turn.
+pub(crate) fn turn_point_x_m(robot: &Robot) -> f64 {
+    let ([left, right], told_rad_per_s) = turned(robot, SPIN_TIMES);
+    let rate = left.yaw_rate_rad_per_s - right.yaw_rate_rad_per_s;
+    let point_m = -(left.left_m_per_s - right.left_m_per_s) / rate;
+    if rate > LEAST_SHARE * told_rad_per_s && point_m.is_finite() {
+        point_m
+    } else {
+        0.0
+    }
+}
+
+/// Twists at the end of a turn to the left and one to the right, and the yaw rate that was told.
+///
+/// - `times`: as fast as a small turn.
+fn turned(robot: &Robot, times: f64) -> ([BodyTwist; 2], f64) {
+    let (before, small) = turn(robot);
+    let left = BodyTwist {
+        yaw_rate_rad_per_s: times * small.yaw_rate_rad_per_s,
+        ..small
+    };
     let right = BodyTwist {
         yaw_rate_rad_per_s: -left.yaw_rate_rad_per_s,
         ..left
@@ -123,10 +151,9 @@ pub(crate) fn turn_share(robot: &Robot) -> f64 {
             let command = robot.wheel_speeds(twist);
             (0..WATCHED_STEPS).for_each(|_| free.step(&command));
         }
-        free.state().twist.yaw_rate_rad_per_s
+        free.state().twist
     };
-    let share = 0.5 * (turned(left) - turned(right)) / left.yaw_rate_rad_per_s;
-    if share.is_finite() { share } else { 0.0 }
+    ([turned(left), turned(right)], left.yaw_rate_rad_per_s)
 }
 
 /// - `share`: of what is asked, from the twist.

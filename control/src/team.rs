@@ -267,9 +267,16 @@ impl Team {
     /// - `models`: in the order of the experiment's robots; robots beyond their number are not corrected.
     #[must_use]
     pub fn with_interaction(mut self, models: &[Robot], settings: Settings) -> Team {
-        let robots = models.iter().zip(&self.bodies);
+        let robots = models.iter().zip(&mut self.bodies);
         self.interactions = robots
-            .map(|(model, body)| Interaction::new(model, body.drive, settings))
+            .map(|(model, body)| {
+                let interaction = Interaction::new(model, body.drive, settings);
+                body.turn_point_x_m = match body.drive {
+                    Drive::TurnInPlace { .. } => interaction.point_x_m(),
+                    _ => 0.0,
+                };
+                interaction
+            })
             .collect();
         self
     }
@@ -369,7 +376,7 @@ impl Team {
 fn axle_x_m(drive: Drive) -> f64 {
     match drive {
         Drive::Steered { axle_x_m, .. } => axle_x_m,
-        Drive::Holonomic | Drive::TurnInPlace => 0.0,
+        Drive::Holonomic | Drive::TurnInPlace { .. } => 0.0,
     }
 }
 

@@ -163,6 +163,7 @@ mod tests {
             name: "r".into(),
             drive: control::law::Drive::Holonomic,
             bounding_radius_m: 0.2,
+            turn_point_x_m: 0.0,
         }
     }
 

@@ -103,7 +103,7 @@ impl Setup {
         let member = |(body, targets): (&Body, &Vec<Goal>)| {
             let (drive, turning_radius_m) = match body.drive {
                 Drive::Holonomic => (Chassis::Holonomic, 0.0),
-                Drive::TurnInPlace => (Chassis::TurnInPlace, 0.0),
+                Drive::TurnInPlace { .. } => (Chassis::TurnInPlace, 0.0),
                 Drive::Steered { turning_radius_m, .. } => (Chassis::Steered, turning_radius_m),
             };
             Member {

@@ -36,7 +36,7 @@ use twin::robot::Robot;
 use twin::twist::BodyTwist;
 
 use crate::TICK_S;
-use crate::answer::Answer;
+use crate::answer::{Answer, turn_point_x_m};
 use crate::law::{Drive, RobotObservation};
 use crate::safety::{Intervention, SafeCommand};
 use hold::Hold;
@@ -94,13 +94,23 @@ impl Interaction {
             least_s
         };
         let ahead = ((horizon_s / TICK_S + 0.5) as usize).clamp(1, MOST_AHEAD);
+        let point_x_m = match drive {
+            Drive::Steered { axle_x_m, .. } => axle_x_m,
+            Drive::TurnInPlace { .. } => turn_point_x_m(model),
+            Drive::Holonomic => 0.0,
+        };
         Interaction {
             model: ModelRobot::new(model, settings.learns_bias),
-            ideal: VirtualRobot::new(drive, ahead),
-            plan: Plan::new(model, drive, ahead),
+            ideal: VirtualRobot::new(point_x_m, ahead),
+            plan: Plan::new(model, drive, point_x_m, ahead),
             hold: Hold::default(),
             active: false,
         }
+    }
+
+    /// Point of the body that does not slide sideways when the robot turns, ahead of the body origin, m.
+    pub(crate) fn point_x_m(&self) -> f64 {
+        self.ideal.point_x_m()
     }
 
     /// What the law is to see of the robot: the virtual robot, or nothing when the law's own wish is to be passed on.

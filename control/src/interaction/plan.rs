@@ -67,8 +67,8 @@ pub(super) struct Plan {
     model: Robot,
     scratch: FreeRobot,
     drive: Drive,
-    /// What is compared, ahead of the body origin: of steered robots the fixed axle. Where the body swings to when the
-    /// wheels are turned says nothing of where it will go, and the other way round with the back first.
+    /// What is compared, ahead of the body origin: the fixed axle, or the point about which a robot skids. Where the body
+    /// swings to in a turn says nothing of where it will go, and the other way round with the back first.
     point_x_m: f64,
     ahead: usize,
     lead_driving: usize,
@@ -82,7 +82,7 @@ pub(super) struct Plan {
 }
 
 impl Plan {
-    pub(super) fn new(model: &Robot, drive: Drive, ahead: usize) -> Plan {
+    pub(super) fn new(model: &Robot, drive: Drive, point_x_m: f64, ahead: usize) -> Plan {
         let answer = Answer::of(model);
         let lead = |answer_s: f64| ((answer_s / TICK_S + 0.5) as usize).min(ahead);
         let share = turn_share(model);
@@ -91,10 +91,7 @@ impl Plan {
             scratch: FreeRobot::at_rest(model, Pose::default()),
             model: model.clone(),
             drive,
-            point_x_m: match drive {
-                Drive::Steered { axle_x_m, .. } => axle_x_m,
-                _ => 0.0,
-            },
+            point_x_m,
             ahead,
             lead_driving: lead(answer.driving_s),
             lead_turning: lead(answer.turning_s),

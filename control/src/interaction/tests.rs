@@ -312,3 +312,31 @@ fn a_robot_that_is_to_rest_is_told_to_rest() {
         Some(BodyTwist::default())
     );
 }
+
+/// A robot that drags its wheels over the floor turns about a point that loads and motors choose. Its virtual robot does so too:
+/// held against one that turns about its own middle, it would be pushed out of its turn.
+#[test]
+fn a_robot_that_skids_turns_where_its_model_does() {
+    let effects = [
+        Effect::new("center_of_mass_offset", &[("x", 0.03), ("y", 0.0)]),
+        Effect::new("payload", &[("mass", 3.0), ("inertia", 0.05)]),
+    ];
+    let truth = robot("diff4", &effects);
+    let mut scene = Scene::new(&truth, &truth);
+    let point_m = scene.interaction.point_x_m();
+    let turn = BodyTwist {
+        yaw_rate_rad_per_s: 1.2,
+        ..BodyTwist::default()
+    };
+    let (mut worst_m, still) = (0.0_f64, BodyTwist::default());
+    for tick in 0..600 {
+        scene.tick(if tick < 120 { &still } else { &turn });
+        if tick > 240 {
+            let [should, _] = scene.interaction.expected().expect("active");
+            let is = scene.seen().pose;
+            worst_m = worst_m.max((should.x_m - is.x_m).hypot(should.y_m - is.y_m));
+        }
+    }
+    println!("turns {:.1} mm ahead; {:.1} mm off", 1e3 * point_m, 1e3 * worst_m);
+    assert!(point_m > 0.01 && worst_m < 0.005, "{point_m} m, {worst_m} m");
+}

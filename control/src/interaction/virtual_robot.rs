@@ -5,7 +5,6 @@ use twin::twist::BodyTwist;
 
 use super::MOST_AHEAD;
 use crate::TICK_S;
-use crate::law::Drive;
 use crate::prediction::{Motion, after, between, is_possible, moved};
 use crate::team::accelerated;
 use crate::vector::{length, wrap};
@@ -20,23 +19,25 @@ pub(super) struct Point {
 /// Its way from now on: point 0 is where it should be when the command of this tick takes effect, point j is j ticks later.
 #[derive(Debug, Clone)]
 pub(super) struct VirtualRobot {
-    /// A steered body slides sideways ahead of its fixed axle.
-    axle_x_m: f64,
+    /// The body slides sideways ahead of its fixed axle, or of the point about which it skids.
+    point_x_m: f64,
     way: [Point; MOST_AHEAD + 1],
     ahead: usize,
 }
 
 impl VirtualRobot {
+    /// - `point_x_m`: what does not slide sideways when the robot turns, ahead of the body origin.
     /// - `ahead`: ticks, at most [`MOST_AHEAD`].
-    pub(super) fn new(drive: Drive, ahead: usize) -> VirtualRobot {
+    pub(super) fn new(point_x_m: f64, ahead: usize) -> VirtualRobot {
         VirtualRobot {
-            axle_x_m: match drive {
-                Drive::Steered { axle_x_m, .. } => axle_x_m,
-                _ => 0.0,
-            },
+            point_x_m,
             way: [Point::default(); MOST_AHEAD + 1],
             ahead: ahead.clamp(1, MOST_AHEAD),
         }
+    }
+
+    pub(super) fn point_x_m(&self) -> f64 {
+        self.point_x_m
     }
 
     pub(super) fn now(&self) -> &Point {
@@ -112,7 +113,7 @@ impl VirtualRobot {
     /// Twist of the body when it is told one.
     pub(super) fn slid(&self, told: &BodyTwist) -> BodyTwist {
         BodyTwist {
-            left_m_per_s: told.left_m_per_s - self.axle_x_m * told.yaw_rate_rad_per_s,
+            left_m_per_s: told.left_m_per_s - self.point_x_m * told.yaw_rate_rad_per_s,
             ..*told
         }
     }

@@ -89,7 +89,7 @@ impl Driver {
                 };
                 twist_for(drive, pose, &wish, yaw_gain_per_s)
             }
-            Drive::TurnInPlace => turning(robot, request, yaw_gain_per_s),
+            Drive::TurnInPlace { .. } => turning(robot, request, yaw_gain_per_s),
             Drive::Steered {
                 turning_radius_m,
                 axle_x_m,

@@ -93,6 +93,9 @@ pub struct Body {
     pub name: String,
     pub drive: Drive,
     pub bounding_radius_m: f64,
+    /// Point about which a robot that turns on the spot does so, ahead of the body origin, as the model that corrects its
+    /// commands has it; 0 without a model.
+    pub turn_point_x_m: f64,
 }
 
 /// A waypoint or goal of one robot.
@@ -202,6 +205,7 @@ pub fn bodies(scenario: &Scenario, robots: &[Robot]) -> Vec<Body> {
             name: robot.name().to_owned(),
             drive: Drive::of(robot),
             bounding_radius_m,
+            turn_point_x_m: 0.0,
         })
         .collect()
 }

@@ -19,7 +19,11 @@ pub enum Drive {
     /// Any direction at once.
     Holonomic,
     /// Forward and back, turns on the spot.
-    TurnInPlace,
+    TurnInPlace {
+        /// How far ahead of the body origin the point may lie about which it turns: at the foremost wheel that does not roll
+        /// sideways. Which wheels slide in a turn depends on loads and motors.
+        swing_m: f64,
+    },
     /// Forward and back on arcs not tighter than the radius.
     Steered {
         turning_radius_m: f64,
@@ -49,7 +53,10 @@ impl Drive {
         if omni >= 3 {
             Drive::Holonomic
         } else {
-            Drive::TurnInPlace
+            let fixed = wheels.iter().filter(|w| w.kind == "standard");
+            Drive::TurnInPlace {
+                swing_m: fixed.map(|w| w.x_m).fold(0.0, f64::max),
+            }
         }
     }
 }
@@ -78,7 +85,7 @@ pub fn twist_for(drive: Drive, pose: &Pose, wish: &Wish, yaw_gain_per_s: f64) ->
                 yaw_rate_rad_per_s,
             }
         }
-        Drive::TurnInPlace => {
+        Drive::TurnInPlace { .. } => {
             let Some(error_rad) = pointing_error_rad(pose, wish.aim) else {
                 let yaw_rate_rad_per_s = wish.yaw_rad.map_or(0.0, |yaw_rad| turn(wrap(yaw_rad - pose.yaw_rad)));
                 return BodyTwist {

@@ -15,7 +15,7 @@ use super::parameters::{REACH_RADIUS, SPEED, YAW_GAIN};
 use super::piece::{Piece, Place, errors};
 use super::targets::{Owner, TargetRule, YawUse};
 use super::{
-    Demand, Drive, Law, LawSpec, Observation, PATH_FOLLOWING, ParameterSpec, Parameters, RobotObservation, corner,
+    Body, Demand, Drive, Law, LawSpec, Observation, PATH_FOLLOWING, ParameterSpec, Parameters, RobotObservation, corner,
 };
 use crate::TICK_S;
 use crate::scenario::Scenario;
@@ -69,7 +69,8 @@ const PASSED_M: f64 = 0.002;
 const CORNER_RAD: f64 = 0.05;
 /// A robot that turns on the spot at a corner drives on when it points this well.
 const TURNED_RAD: f64 = 0.03;
-/// With the back first the body origin swings out by l before it comes back. With the heading b = k_p e / base that is wanted,
+/// A body origin that lies l behind the point about which the robot turns - with the back first, or between the axles of a
+/// robot that skids - swings out before it comes back. With the heading b = k_p e / base that is wanted,
 /// `de/dt = -s b + l db/dt` and `db/dt = k_b (k_p e / base - b)` grow as soon as base < l k_p, whatever the speed s; twice
 /// that halves the damping at most.
 const SWING_ROOM: f64 = 2.0;
@@ -130,19 +131,20 @@ impl Law for PathFollowing {
                 demand.finished = progress.finished;
                 continue;
             }
-            *demand = progress.follow(robot, body.drive, observation.parameters);
+            *demand = progress.follow(robot, body, observation.parameters);
         }
     }
 }
 
 impl Progress {
-    fn follow(&mut self, robot: &RobotObservation, drive: Drive, parameters: &Parameters) -> Demand {
+    fn follow(&mut self, robot: &RobotObservation, body: &Body, parameters: &Parameters) -> Demand {
+        let drive = body.drive;
         let here = Place {
             place_m: [robot.pose.x_m, robot.pose.y_m],
             yaw_rad: robot.pose.yaw_rad,
         };
         let first_yaw_rad = *self.first_yaw_rad.get_or_insert(here.yaw_rad);
-        let Some(piece) = self.pass(here.place_m) else {
+        let Some(piece) = self.pass(here.place_m, body) else {
             return Demand {
                 target: here.place_m,
                 finished: true,
@@ -166,7 +168,7 @@ impl Progress {
         if self.finished && drive != Drive::Holonomic {
             return demand;
         }
-        let along_m_per_s = self.speed(to_end_m, parameters);
+        let along_m_per_s = self.speed((to_end_m - self.early_m(body)).max(0.0), parameters);
         let back_m_per_s = self.back(left_m, &reference, robot, parameters);
         demand.twist = match drive {
             Drive::Holonomic => {
@@ -191,7 +193,7 @@ impl Progress {
                     outward_rad: outward_at(&piece, outward_rad, self.driven_m, drive),
                 };
                 let (twist, error_rad) = pointed(drive, &here, &way, [along_m_per_s, back_m_per_s], parameters);
-                self.turned |= drive != Drive::TurnInPlace || error_rad.abs() < TURNED_RAD;
+                self.turned |= !matches!(drive, Drive::TurnInPlace { .. }) || error_rad.abs() < TURNED_RAD;
                 if self.turned {
                     twist
                 } else {
@@ -207,10 +209,10 @@ impl Progress {
     }
 
     /// The piece that the robot is on; `None` without a path.
-    fn pass(&mut self, here_m: Vector) -> Option<Piece> {
+    fn pass(&mut self, here_m: Vector, body: &Body) -> Option<Piece> {
         let mut piece = *self.pieces.get(self.index)?;
         self.driven_m = piece.progress_m(self.driven_m, here_m);
-        while self.index + 1 < self.pieces.len() && piece.length_m - self.driven_m <= self.slack_m() {
+        while self.index + 1 < self.pieces.len() && piece.length_m - self.driven_m <= self.slack_m(body) {
             self.index += 1;
             self.driven_m = 0.0;
             self.integral_m_s = 0.0;
@@ -222,8 +224,27 @@ impl Progress {
     }
 
     /// A corner is passed this far before it; where the path is smooth, at its end.
-    fn slack_m(&self) -> f64 {
-        if self.corner_ahead() { PASSED_M } else { 1e-6 }
+    fn slack_m(&self, body: &Body) -> f64 {
+        if self.corner_ahead() {
+            PASSED_M + self.early_m(body)
+        } else {
+            1e-6
+        }
+    }
+
+    /// How far before a corner a robot turns on the spot that does so about a point c ahead of its origin: from d before it, a turn
+    /// by a leaves the origin `|c - d| sin a` beside the next leg and `(c - d) cos a - c` along it. `d = c (1 - cos a)` keeps it
+    /// within c of both legs, and at the corner itself where the path turns back.
+    fn early_m(&self, body: &Body) -> f64 {
+        let (Some(piece), Some(next)) = (self.pieces.get(self.index), self.pieces.get(self.index + 1)) else {
+            return 0.0;
+        };
+        if is_smooth(piece, next) {
+            return 0.0;
+        }
+        let turn_rad = wrap(next.from.yaw_rad - piece.end().yaw_rad);
+        let early_m = body.turn_point_x_m * (1.0 - libm::cos(turn_rad));
+        early_m.clamp(0.0, 0.5 * piece.length_m)
     }
 
     /// The path ends or bends at the end of the piece.
@@ -335,11 +356,12 @@ fn outward_rad(pieces: &[Piece], drive: Drive) -> Vec<f64> {
 }
 
 /// How far the body origin swings out to the wrong side, for a radian, when the robot turns back to a piece: it lies behind
-/// the fixed axle, as the robot drives.
+/// the point about which it turns, as the robot drives.
 fn swing_m(drive: Drive, piece: &Piece) -> f64 {
     match drive {
         Drive::Steered { axle_x_m, .. } => (piece.sign() * axle_x_m).max(0.0),
-        _ => 0.0,
+        Drive::TurnInPlace { swing_m } => swing_m,
+        Drive::Holonomic => 0.0,
     }
 }
 

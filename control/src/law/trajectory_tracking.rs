@@ -181,7 +181,7 @@ impl Law for TrajectoryTracking {
             let yaw_rad = *first_yaw_rad.get_or_insert(robot.pose.yaw_rad);
             demand.twist = match body.drive {
                 Drive::Holonomic => sideways(robot, &reference, away, yaw_rad, parameters),
-                Drive::TurnInPlace if time_s < 0.0 => turning(robot, &reference, parameters),
+                Drive::TurnInPlace { .. } if time_s < 0.0 => turning(robot, &reference, parameters),
                 drive => bent(drive, robot, &reference, away, parameters),
             };
         }

@@ -171,7 +171,7 @@ impl Progress {
         let behind_m = length(sub(self.reference_m, here));
         let near = ((LONGEST_LEAD_M - behind_m) / (0.5 * LONGEST_LEAD_M)).clamp(0.0, 1.0);
         match body.drive {
-            Drive::TurnInPlace => near * pointing_error_rad(&robot.pose, aim).map_or(1.0, pointing_share),
+            Drive::TurnInPlace { .. } => near * pointing_error_rad(&robot.pose, aim).map_or(1.0, pointing_share),
             Drive::Holonomic | Drive::Steered { .. } => near,
         }
     }

@@ -74,7 +74,7 @@ impl Chassis {
                 along: crate::vector::heading(axis_rad),
             },
             (None, Drive::Holonomic) => Motion::Holonomic,
-            (None, Drive::TurnInPlace) => Motion::Axis { along: [1.0, 0.0] },
+            (None, Drive::TurnInPlace { .. }) => Motion::Axis { along: [1.0, 0.0] },
             (None, Drive::Steered { turning_radius_m, .. }) => Motion::Steered {
                 least_radius_m: turning_radius_m,
             },
