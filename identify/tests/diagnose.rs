@@ -75,6 +75,8 @@ fn one_run_names_nothing_and_bytes_repeat_on_any_number_of_threads() {
     let report = found(&input).report;
     assert!(report.effects.is_empty());
     assert_eq!(report.verdict, Verdict::Unexplained);
+    let tells_why = |remark: &String| remark.contains("explains most") && remark.contains("is not named: ");
+    assert!(report.remarks.iter().any(tells_why), "{:?}", report.remarks);
     assert!(report.gap.is_empty());
     let Ok(again) = diagnose(&Serial, &input) else {
         panic!("no diagnosis")

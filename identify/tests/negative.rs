@@ -80,6 +80,8 @@ fn set_points_in_another_order_are_unexplained() {
     let report = of_shuffled_set_points();
     assert_eq!(report.verdict, Verdict::Unexplained);
     assert!(report.effects.is_empty());
+    let tells_why = |remark: &String| remark.contains("explains most") && remark.contains("is not named: ");
+    assert!(report.remarks.iter().any(tells_why), "{:?}", report.remarks);
 }
 
 fn of_shuffled_set_points() -> Report {

@@ -18,7 +18,7 @@ use crate::report::schema::{
 };
 use crate::report::{effect_sentence, verdict_sentence};
 use crate::screen::Score;
-use crate::select::{Finalist, Role};
+use crate::select::{Finalist, Role, Stop};
 use crate::workers::Workers;
 
 /// Validation and unused runs without which nothing is confirmed.
@@ -77,7 +77,7 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
         }
     }
     for taken in case.taken.iter().filter(|taken| !taken.tiny) {
-        if let Some(spread) = taken.uneven {
+        if let Some(spread) = taken.uneven() {
             case.remarks.push(format!(
                 "{}: the size that explains most differs from stretch to stretch by {spread:.1} times itself, so a law of another kind may be behind it",
                 taken.finalist.member.candidate.entry.name
@@ -88,6 +88,10 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
     let effects = named(case, is_proven);
     if effects.is_empty() && matches!(verdict, Verdict::Confirmed | Verdict::Partial | Verdict::Ambiguous) {
         verdict = Verdict::NoDiscrepancy;
+    }
+    if matches!(verdict, Verdict::Unexplained | Verdict::Partial) {
+        let nearest = case.last.as_ref().and_then(nearest_refused);
+        case.remarks.extend(nearest);
     }
     let absorbed = absorbed(case, &effects);
     let (rejected, untestable) = rest(case, &effects, &absorbed);
@@ -171,7 +175,7 @@ fn verdict(case: &Case) -> Verdict {
         return Verdict::Ambiguous;
     }
     // Without references an effect may be an error of the description itself.
-    let is_uneven = naming.iter().any(|taken| taken.uneven.is_some());
+    let is_uneven = naming.iter().any(|taken| taken.uneven().is_some());
     if remains || is_uneven || !validated(case) || case.locked.len() < FEWEST_RUNS || case.floor.noise.is_prior {
         return Verdict::Partial;
     }
@@ -266,7 +270,13 @@ fn parameters(case: &Case, position: usize, finalist: &Finalist) -> Vec<Paramete
         } else {
             0.0
         };
-        let sigma = (sigma * sigma + scatter * scatter + law * law).sqrt();
+        // What differs from stretch to stretch beyond noise is no noise: it does not average out (prediction interval of random
+        // effects, Higgins, Thompson and Spiegelhalter 2009).
+        let spread = match &case.taken[position].evenness {
+            Some(even) if axis.carries_size => change * even.spread,
+            _ => 0.0,
+        };
+        let sigma = (sigma * sigma + scatter * scatter + law * law + spread * spread).sqrt();
         let end = |value: f64| value.is_finite().then(|| rounded(value));
         let known = value.is_finite() && sigma.is_finite();
         ParameterValue {
@@ -325,7 +335,7 @@ fn named(case: &Case, is_proven: bool) -> Vec<NamedEffect> {
         excluded.dedup_by(|a, b| a.name == b.name);
         let mut effect = NamedEffect {
             name: name.to_owned(),
-            status: if alternatives.is_empty() && taken.uneven.is_none() && is_proven {
+            status: if alternatives.is_empty() && taken.uneven().is_none() && is_proven {
                 "confirmed"
             } else {
                 "ambiguous"
@@ -500,6 +510,22 @@ fn rest(case: &Case, effects: &[NamedEffect], absorbed: &[Absorbed]) -> (Vec<Rej
     rejected.sort_by(|a, b| a.name.cmp(&b.name));
     untestable.sort_by(|a, b| a.name.cmp(&b.name));
     (rejected, untestable)
+}
+
+/// Of what the last round refused, what explains most of the training runs, and why it is not named.
+fn nearest_refused(stop: &Stop) -> Option<String> {
+    let refused = stop.finalists.iter().filter_map(|finalist| {
+        let because = finalist.because.as_ref()?;
+        (finalist.gain_train > stop.threshold).then_some((finalist, because))
+    });
+    let (finalist, because) = refused.max_by(|a, b| a.0.gain_train.total_cmp(&b.0.gain_train))?;
+    let candidate = &finalist.member.candidate;
+    let of = candidate.index.map(|index| format!(" of wheel {index}")).unwrap_or_default();
+    Some(format!(
+        "{}{of} ({}) explains most of what is left of the training runs, but is not named: {because}",
+        candidate.entry.name,
+        values_of(finalist)
+    ))
 }
 
 fn because(case: &Case, name: &str, gain: f64) -> String {

@@ -30,6 +30,7 @@ use crate::select::{
 };
 use crate::workers::{Cancelled, Workers};
 use energy::Energies;
+use evenness::{Evenness, evenness};
 use louder::Compared;
 use prepared::{Prepared, prepare};
 
@@ -112,8 +113,15 @@ struct Taken {
     excluded: Vec<Finalist>,
     threshold: f64,
     tiny: bool,
-    /// Its size differs from window to window by so many times itself: another law may be behind it.
-    uneven: Option<f64>,
+    /// How far its size differs from window to window; unknown when few windows tell it.
+    evenness: Option<Evenness>,
+}
+
+impl Taken {
+    /// By how many times itself the size differs from window to window, when another law may be behind it.
+    fn uneven(&self) -> Option<f64> {
+        self.evenness.filter(Evenness::is_uneven).map(|even| even.spread)
+    }
 }
 
 /// Everything that the report is made of.
@@ -458,10 +466,9 @@ fn finish(
             others.remove(position);
             let model = with_members(&case.floor.model, &others);
             let without: Option<Vec<Vec<f64>>> = all_residuals(workers, &both.records, &model)?.into_iter().collect();
-            taken.uneven = without.and_then(|without| {
+            taken.evenness = without.and_then(|without| {
                 let changes = difference(&without, &fit.residuals);
-                let even = evenness::evenness(&both.metric, &both.records, &changes, &fit.residuals)?;
-                even.is_uneven().then_some(even.spread)
+                evenness(&both.metric, &both.records, &changes, &fit.residuals)
             });
         }
         for (taken, member) in case.taken.iter_mut().zip(&fit.members) {
@@ -513,7 +520,7 @@ fn taken(stop: &Stop, accepted: usize) -> Taken {
         alternatives,
         excluded,
         threshold: stop.threshold,
-        uneven: None,
+        evenness: None,
     }
 }
 
