@@ -29,7 +29,8 @@ struct Driven {
 fn drive(distance_gain_per_s: f64, known_m: f64) -> Driven {
     let parameters = json!({"speed_m_per_s": 0.7, "distance_gain_per_s": distance_gain_per_s, "integral_gain_per_s2": 0.0,
         "derivative_gain": 0.0, "yaw_gain_per_s": 5.0, "reach_radius_m": REACHED_M});
-    let targets = json!([{"x_m": 1.0, "y_m": 0.0}, {"x_m": 1.0, "y_m": 2.0}, {"x_m": 1.0, "y_m": 0.0}, {"x_m": 0.0, "y_m": 0.0}]);
+    let targets =
+        json!([{"x_m": 1.0, "y_m": 0.0}, {"x_m": 1.0, "y_m": 2.0}, {"x_m": 1.0, "y_m": 0.0}, {"x_m": 0.0, "y_m": 0.0}]);
     let document = team(
         "path_following",
         parameters,
@@ -107,9 +108,17 @@ fn a_robot_whose_origin_swings_out_in_turns_stays_near_its_path_and_arrives() {
             driven.end_m
         );
         // Where the path turns back the origin comes to lie twice as far beyond the corner.
-        assert!(driven.largest_m < 2.0 * POINT_M + 0.006, "k_p {gain}: {} m", driven.largest_m);
+        assert!(
+            driven.largest_m < 2.0 * POINT_M + 0.006,
+            "k_p {gain}: {} m",
+            driven.largest_m
+        );
         assert!(driven.seconds < 24.0, "k_p {gain}: {} s", driven.seconds);
-        assert!(driven.end_m[0].hypot(driven.end_m[1]) < REACHED_M, "k_p {gain}: {:?}", driven.end_m);
+        assert!(
+            driven.end_m[0].hypot(driven.end_m[1]) < REACHED_M,
+            "k_p {gain}: {:?}",
+            driven.end_m
+        );
     }
 }
 
@@ -119,6 +128,10 @@ fn a_robot_that_knows_where_it_turns_keeps_its_origin_within_that_of_both_legs()
         let driven = drive(gain, POINT_M);
         println!("k_p {gain}: {:.0} mm, {:.1} s", 1e3 * driven.largest_m, driven.seconds);
         assert!(driven.largest_m < POINT_M + 0.006, "k_p {gain}: {} m", driven.largest_m);
-        assert!(driven.end_m[0].hypot(driven.end_m[1]) < REACHED_M, "k_p {gain}: {:?}", driven.end_m);
+        assert!(
+            driven.end_m[0].hypot(driven.end_m[1]) < REACHED_M,
+            "k_p {gain}: {:?}",
+            driven.end_m
+        );
     }
 }

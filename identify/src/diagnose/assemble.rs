@@ -520,7 +520,10 @@ fn nearest_refused(stop: &Stop) -> Option<String> {
     });
     let (finalist, because) = refused.max_by(|a, b| a.0.gain_train.total_cmp(&b.0.gain_train))?;
     let candidate = &finalist.member.candidate;
-    let of = candidate.index.map(|index| format!(" of wheel {index}")).unwrap_or_default();
+    let of = candidate
+        .index
+        .map(|index| format!(" of wheel {index}"))
+        .unwrap_or_default();
     Some(format!(
         "{}{of} ({}) explains most of what is left of the training runs, but is not named: {because}",
         candidate.entry.name,

@@ -1,5 +1,6 @@
 //! Gap of locked runs before and after, by channel and horizon.
 
+use crate::bundle::Bundle;
 use crate::errors::{Errors, POSE, Sample, add_poses, add_windows, rms};
 use crate::floor::{ClassNoise, Floor};
 use crate::gap::{CLOSE_ANCHOR_PERIOD_S, HORIZONS_S, RobotClock, end_to_end_with};
@@ -26,6 +27,22 @@ pub(super) fn gap_table(case: &Case, after: &Hypothesis) -> (Vec<Gap>, Option<f6
     if bundles.is_empty() || case.locked.is_empty() {
         return (Vec::new(), None);
     }
+    let records: Vec<&Record> = case.locked.iter().collect();
+    gaps(case, &bundles, &records, after)
+}
+
+/// Part of the gap of the validation runs that a model explains; unknown when there is none to speak of.
+pub(super) fn explained_of_validation(case: &Case, after: &Hypothesis) -> Option<f64> {
+    let runs = case.input.runs.iter().zip(&case.records).zip(&case.roles);
+    let (bundles, records): (Vec<_>, Vec<_>) = runs
+        .filter(|(_, role)| **role == Role::Validation)
+        .map(|((run, record), _)| (&run.bundle, record))
+        .unzip();
+    gaps(case, &bundles, &records, after).1
+}
+
+/// - `bundles`, `records`: of the same runs.
+fn gaps(case: &Case, bundles: &[&Bundle], records: &[&Record], after: &Hypothesis) -> (Vec<Gap>, Option<f64>) {
     let floor = &case.floor;
     let reference_records: Vec<&Record> = floor.references.iter().collect();
     let reference_bundles: Vec<_> = floor
@@ -34,9 +51,8 @@ pub(super) fn gap_table(case: &Case, after: &Hypothesis) -> (Vec<Gap>, Option<f6
         .filter_map(|record| case.input.references.iter().find(|run| run.path == record.name))
         .map(|run| &run.bundle)
         .collect();
-    let locked_records: Vec<&Record> = case.locked.iter().collect();
-    let before_errors = errors(floor, &bundles, &locked_records, &floor.model);
-    let after_errors = errors(floor, &bundles, &locked_records, after);
+    let before_errors = errors(floor, bundles, records, &floor.model);
+    let after_errors = errors(floor, bundles, records, after);
     let floor_errors = errors(floor, &reference_bundles, &reference_records, &floor.model);
     let mut gaps = Vec::new();
     let (mut weight_sum, mut weighted) = (0.0, 0.0);
@@ -127,7 +143,7 @@ fn interval(squares: &[f64], seed: u64) -> (f64, f64) {
 }
 
 /// Errors of runs under a model, with what the floor expects of them. `bundles` and `records` are of the same runs.
-fn errors(floor: &Floor, bundles: &[&crate::bundle::Bundle], records: &[&Record], model: &Hypothesis) -> Errors {
+fn errors(floor: &Floor, bundles: &[&Bundle], records: &[&Record], model: &Hypothesis) -> Errors {
     let mut errors: Errors = Vec::new();
     if let Some(robot) = model.robot() {
         for (bundle, record) in bundles.iter().zip(records) {

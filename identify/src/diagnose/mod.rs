@@ -11,6 +11,7 @@ mod louder;
 mod loudness;
 mod next;
 mod prepared;
+mod validation_gap;
 mod verified;
 
 pub use calibrate::{calibrated, calibrated_floor};
@@ -33,6 +34,7 @@ use energy::Energies;
 use evenness::{Evenness, evenness};
 use louder::Compared;
 use prepared::{Prepared, prepare};
+use validation_gap::{adds_nothing, prefer};
 
 /// Version of the effect library and of this workflow.
 pub const LIBRARY_VERSION: &str = "1";
@@ -376,10 +378,13 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
             case.last = Some(stop);
             continue;
         }
+        let mut stop = stop;
+        prefer(case, &members, &mut stop);
         let Some(accepted) = stop.accepted.filter(|_| members.len() < MOST_EFFECTS) else {
             case.last = Some(stop);
             break;
         };
+        let before = (members.clone(), case.taken.clone());
         case.taken.push(taken(&stop, accepted));
         let finalist = &stop.finalists[accepted];
         if finalist.joint.is_empty() {
@@ -387,11 +392,13 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
         } else {
             members.clone_from(&finalist.joint);
         }
-        case.last = Some(stop);
         let base: Option<Vec<Vec<f64>>> = all_residuals(workers, &train.records, &case.floor.model)?
             .into_iter()
             .collect();
-        let Some(base) = base else { break };
+        let Some(base) = base else {
+            case.last = Some(stop);
+            break;
+        };
         let problem = Problem {
             records: &train.records,
             metric: &train.metric,
@@ -400,6 +407,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
             wanted_gain: f64::NEG_INFINITY,
         };
         let Some(joint) = fit(&problem, members.clone()) else {
+            case.last = Some(stop);
             break;
         };
         let joint = exchange::exchange(
@@ -410,6 +418,14 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
             slack_of(&case.floor),
             joint,
         )?;
+        if let Some(because) = adds_nothing(case, &before.0, &joint.members) {
+            (members, case.taken) = before;
+            stop.finalists[accepted].because = Some(because);
+            kept.refuse(&stop);
+            case.last = Some(stop);
+            continue;
+        }
+        case.last = Some(stop);
         members = joint.members.clone();
         let of = |residuals: &[Vec<f64>]| energies(&train.metric, &train.records, residuals);
         explained.gain = decrease(&of(&base), &of(&joint.residuals));

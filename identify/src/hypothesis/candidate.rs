@@ -233,7 +233,10 @@ fn candidate(
         ),
         "low_friction_patch" => one_of(patches(excitation)),
         "wheel_speed_saturation" => one_of(fractions(excitation.wheel_rad_per_s)),
-        "body_speed_saturation" => one_of(body_limits(excitation)),
+        "body_speed_saturation" => {
+            let goes_sideways = robot.wheels.iter().any(|wheel| wheel.kind == "omni");
+            one_of(body_limits(excitation, goes_sideways))
+        }
         "acceleration_limit" => one_of(vec![vec![6.0], vec![3.0], vec![1.5], vec![0.8]]),
         "command_dead_band" => one_of(vec![vec![between(0.0)], vec![between(0.35)], vec![between(0.8)]]),
         "stribeck_friction" => one_of(vec![vec![1.8, 1.0], vec![1.8, 3.0]]),
@@ -343,11 +346,16 @@ fn patches(excitation: &Excitation) -> Vec<Vec<f64>> {
     all
 }
 
-fn body_limits(excitation: &Excitation) -> Vec<Vec<f64>> {
+/// - `goes_sideways`: of other robots the body origin does so in turns as well, but nobody limits that.
+fn body_limits(excitation: &Excitation, goes_sideways: bool) -> Vec<Vec<f64>> {
     let mut all = Vec::new();
+    let mut twist = excitation.twist;
+    if !goes_sideways {
+        twist[1] = 0.0;
+    }
     for axis in 0..3 {
         for share in [0.85, 0.6, 0.3] {
-            let limit = share * excitation.twist[axis];
+            let limit = share * twist[axis];
             if limit > 0.02 {
                 let mut values = vec![f64::INFINITY; 3];
                 values[axis] = limit;
@@ -357,7 +365,7 @@ fn body_limits(excitation: &Excitation) -> Vec<Vec<f64>> {
     }
     // Speed and yaw rate at once, as controllers of drives limit them.
     for share in [0.7, 0.4] {
-        let limits = excitation.twist.map(|twist| share * twist);
+        let limits = twist.map(|twist| share * twist);
         let values = limits.map(|limit| if limit > 0.02 { limit } else { f64::INFINITY });
         if limits[0] > 0.02 && limits[2] > 0.02 {
             all.push(values.to_vec());

@@ -14,6 +14,8 @@ use crate::workers::{Cancelled, Workers, gathered};
 
 /// Most candidates that are fitted in a round.
 const SHORT_LIST: usize = 10;
+/// So many lists of them, while none of the first passes and nothing is named yet.
+const LISTS: usize = 3;
 /// Beyond the first few, candidates with a smaller share of the best score are not fitted.
 const FITTED_ANYWAY: usize = 5;
 const WORTH_FITTING: f64 = 0.08;
@@ -238,9 +240,9 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Sensitivities) -> R
         .filter(|c| !kept.is_vain(*c, scores[*c].gain))
         .collect();
     order.sort_by(|a, b| scores[*b].gain.total_cmp(&scores[*a].gain).then(a.cmp(b)));
-    let mut order = short_list(data.candidates, &order, &scores);
-    if order.first().is_some_and(|best| scores[*best].gain <= threshold) {
-        order.truncate(WEAK_FITTED);
+    let mut list = short_list(data.candidates, &order, &scores);
+    if list.first().is_some_and(|best| scores[*best].gain <= threshold) {
+        list.truncate(WEAK_FITTED);
     }
     let mut stop = Stop {
         scores,
@@ -250,21 +252,41 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Sensitivities) -> R
         alternatives: Vec::new(),
         simulations: 0,
     };
-    if order.is_empty() {
+    if list.is_empty() {
         return Ok(stop);
     }
     let is_alone = data.members.is_empty() || data.floor.references.is_empty();
     let beside_others = if is_alone { 1.0 } else { BESIDE_OTHERS };
     let threshold = beside_others * threshold;
     stop.threshold = threshold;
-    let fitted = fits(workers, data, &order, &stop.scores, threshold)?;
+    let (mut fitted, mut judged): (Vec<Fitted>, Vec<Finalist>) = (Vec::new(), Vec::new());
+    for lists_left in (0..LISTS).rev() {
+        let more = fits(workers, data, &list, &stop.scores, threshold)?;
+        stop.simulations += more.iter().map(|fitted| fitted.fit.simulations).sum::<usize>();
+        judged.extend(gathered(workers, more.len(), &|f| judge(data, &more[f], threshold))?);
+        fitted.extend(more);
+        choose(data, &mut stop, &judged, &fitted);
+        // Where much is to be explained a small change says little of a large one, and the truth may be further down.
+        order.retain(|position| !list.contains(position) && stop.scores[*position].gain > threshold);
+        list = short_list(data.candidates, &order, &stop.scores);
+        if stop.accepted.is_some() || !is_alone || lists_left == 0 || list.is_empty() {
+            break;
+        }
+    }
     let is_vain = |fitted: &&Fitted| fitted.fit.gain < WANTED * threshold && !fitted.fit.is_given_up;
     for fitted in fitted.iter().filter(is_vain) {
         kept.vain.push((fitted.position, stop.scores[fitted.position].gain));
     }
-    stop.simulations = fitted.iter().map(|fitted| fitted.fit.simulations).sum();
-    let judged = gathered(workers, fitted.len(), &|f| judge(data, &fitted[f], threshold))?;
-    let mut pairs: Vec<(Finalist, &Fitted)> = judged.into_iter().zip(&fitted).collect();
+    let is_unwanted = |finalist: &&Finalist| finalist.is_slow() && finalist.is_background();
+    for finalist in stop.finalists.iter().filter(is_unwanted) {
+        kept.vain.push((finalist.position, stop.scores[finalist.position].gain));
+    }
+    Ok(stop)
+}
+
+/// Orders what was fitted by its gain, and accepts at most one, with the names that the data cannot tell from it.
+fn choose(data: &Round, stop: &mut Stop, judged: &[Finalist], fitted: &[Fitted]) {
+    let mut pairs: Vec<(Finalist, &Fitted)> = judged.iter().cloned().zip(fitted).collect();
     pairs.sort_by(|a, b| b.0.gain().total_cmp(&a.0.gain()).then(a.0.position.cmp(&b.0.position)));
     let mut seen: Vec<usize> = Vec::new();
     pairs.retain(|(finalist, _)| {
@@ -273,6 +295,7 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Sensitivities) -> R
         is_best_start
     });
     stability(data, &mut pairs);
+    stop.alternatives.clear();
     stop.accepted = simplest(&pairs, slack_of(data.floor));
     if let Some(best) = stop.accepted {
         let own: Vec<Vec<f64>> = difference(data.train.residuals, &pairs[best].1.fit.residuals);
@@ -307,11 +330,6 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Sensitivities) -> R
         }
     }
     stop.finalists = pairs.into_iter().map(|pair| pair.0).collect();
-    let is_unwanted = |finalist: &&Finalist| finalist.is_slow() && finalist.is_background();
-    for finalist in stop.finalists.iter().filter(is_unwanted) {
-        kept.vain.push((finalist.position, stop.scores[finalist.position].gain));
-    }
-    Ok(stop)
 }
 
 /// Gain on the training runs from which a candidate is looked at although it is below the threshold: what the threshold would be had the

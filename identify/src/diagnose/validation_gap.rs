@@ -1,0 +1,89 @@
+//! Names are held against the gap of the validation runs as well, in which every channel and horizon counts. Of the residuals' energy, by
+//! which effects are found, a few loud moments may be most: a wheel that slips a little earlier than in the twin.
+
+use super::Case;
+use super::gap_table::explained_of_validation;
+use crate::fit::{Member, with_members};
+use crate::select::{Finalist, Stop};
+
+/// So much more of the gap is explained with one more effect, at least.
+const ADDS: f64 = 0.01;
+/// Of names that the residuals cannot tell apart one that explains so much more of the gap is preferred, and those that explain so much less
+/// than the best are no alternatives.
+const CLEARLY_MORE: f64 = 0.1;
+const FAR_LESS: f64 = 0.25;
+
+/// Why an effect beside others is none: it leaves the gap as it is.
+pub(super) fn adds_nothing(case: &Case, before: &[Member], after: &[Member]) -> Option<String> {
+    if before.is_empty() {
+        return None;
+    }
+    let explained = |members: &[Member]| explained_of_validation(case, &with_members(&case.floor.model, members));
+    let (old, new) = (explained(before)?, explained(after)?);
+    (new < old + ADDS).then(|| {
+        format!(
+            "of the gap of the validation runs {:.1} % is explained with it and {:.1} % without",
+            100.0 * new,
+            100.0 * old
+        )
+    })
+}
+
+/// Chooses among the accepted effect and those that the residuals cannot tell from it.
+///
+/// - `members`: what is named already.
+pub(super) fn prefer(case: &Case, members: &[Member], stop: &mut Stop) {
+    let Some(accepted) = stop.accepted.filter(|_| !stop.alternatives.is_empty()) else {
+        return;
+    };
+    let explained = |finalist: &Finalist| {
+        let all = if finalist.joint.is_empty() {
+            let own = core::iter::once(&finalist.member);
+            members.iter().chain(own).cloned().collect()
+        } else {
+            finalist.joint.clone()
+        };
+        explained_of_validation(case, &with_members(&case.floor.model, &all))
+    };
+    let rivals = core::iter::once(accepted).chain(stop.alternatives.iter().copied());
+    let known: Option<Vec<(usize, f64)>> = rivals
+        .map(|position| explained(&stop.finalists[position]).map(|explained| (position, explained)))
+        .collect();
+    let Some(known) = known else { return };
+    let (chosen, alternatives) = choice(&known);
+    stop.accepted = Some(chosen);
+    stop.alternatives = alternatives;
+}
+
+/// The preferred position and those that are alternatives to it.
+///
+/// - `known`: positions with what they explain; the first one is preferred unless another explains clearly more.
+fn choice(known: &[(usize, f64)]) -> (usize, Vec<usize>) {
+    let best = known.iter().copied().fold(
+        (0, f64::NEG_INFINITY),
+        |best, other| {
+            if other.1 > best.1 { other } else { best }
+        },
+    );
+    let first = known.first().copied().unwrap_or_default();
+    let (chosen, _) = if best.1 > first.1 + CLEARLY_MORE { best } else { first };
+    let alternatives = known
+        .iter()
+        .filter(|(position, explained)| *position != chosen && *explained >= best.1 - FAR_LESS)
+        .map(|(position, _)| *position)
+        .collect();
+    (chosen, alternatives)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_name_that_explains_clearly_more_is_preferred_and_what_explains_far_less_is_no_alternative() {
+        assert_eq!(choice(&[(3, 0.9), (1, 0.95)]), (3, vec![1]));
+        assert_eq!(choice(&[(3, 0.7), (1, 0.9), (5, -0.2)]), (1, vec![3]));
+        assert_eq!(choice(&[(3, 0.05), (1, 0.95)]), (1, Vec::new()));
+        assert_eq!(choice(&[(3, 0.9), (1, 0.1)]), (3, Vec::new()));
+    }
+}
