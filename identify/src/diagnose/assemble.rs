@@ -6,10 +6,11 @@ use twin::model_document::ModelDocument;
 
 use super::energy::Energies;
 use super::gap_table::gap_table;
+use super::interval::{NORMAL_95, sizes};
 use super::louder::{louder, share_left};
 use super::verified::{Verified, verified};
 use super::{Case, DiagnoseError, Diagnosis, LIBRARY_VERSION, Taken};
-use crate::fit::{Fit, with_members};
+use crate::fit::with_members;
 use crate::hypothesis::{Hypothesis, Knob, applies};
 use crate::record::CHANNELS;
 use crate::report::schema::{
@@ -25,13 +26,6 @@ use crate::workers::Workers;
 const FEWEST_RUNS: usize = 2;
 /// Signal over noise below which an effect is untestable.
 const TESTABLE: f64 = 5.0;
-/// Half width of a 95 % interval in standard deviations, before the inflation of few references.
-const NORMAL_95: f64 = 1.96;
-/// Standard deviation of a size for the plant's other law, as a share of the change, at least; limits change by this share of themselves.
-const LAW_LEAST: f64 = 0.01;
-/// A larger rest, as a share of what is explained, is of other effects.
-const LAW_MOST: f64 = 0.04;
-const LIMIT_SHARE: f64 = 0.2;
 /// Calibration is listed from this many standard deviations.
 const LISTED: f64 = 3.0;
 /// Excess that remains, as a share of the excess before, that still counts as explained.
@@ -245,59 +239,6 @@ fn model_version(case: &Case, after: &Hypothesis) -> ModelDocument {
     }
 }
 
-fn parameters(case: &Case, position: usize, finalist: &Finalist) -> Vec<ParameterValue> {
-    let width = NORMAL_95 * case.floor.inflation().sqrt();
-    let member = &finalist.member;
-    let axes = member.candidate.axes.iter().zip(&member.values).enumerate();
-    axes.map(|(a, (axis, value))| {
-        let sigma = case
-            .fit
-            .as_ref()
-            .map_or(f64::INFINITY, |fit: &Fit| fit.sigma(position, a));
-        let scatter = case
-            .scatter
-            .iter()
-            .find(|(free, _)| *free == (position, a))
-            .map_or(0.0, |(_, scatter)| *scatter);
-        // An effect of another law leaves a rest, and its best size by our law is off by about as much.
-        let change = if axis.neutral.is_finite() {
-            (value - axis.neutral).abs()
-        } else {
-            LIMIT_SHARE * value.abs()
-        };
-        let law = if axis.carries_size {
-            change * (LAW_LEAST + 0.5 * case.law_rest.min(LAW_MOST).sqrt())
-        } else {
-            0.0
-        };
-        // What differs from stretch to stretch beyond noise is no noise: it does not average out (prediction interval of random
-        // effects, Higgins, Thompson and Spiegelhalter 2009).
-        let spread = match &case.taken[position].evenness {
-            Some(even) if axis.carries_size => change * even.spread,
-            _ => 0.0,
-        };
-        let sigma = (sigma * sigma + scatter * scatter + law * law + spread * spread).sqrt();
-        let end = |value: f64| value.is_finite().then(|| rounded(value));
-        let known = value.is_finite() && sigma.is_finite();
-        ParameterValue {
-            name: axis.name.to_owned(),
-            value: end(*value),
-            low: end(if known {
-                (value - width * sigma).max(axis.low)
-            } else {
-                *value
-            }),
-            high: end(if known {
-                (value + width * sigma).min(axis.high)
-            } else {
-                *value
-            }),
-            unit: axis.unit.to_owned(),
-        }
-    })
-    .collect()
-}
-
 fn named(case: &Case, is_proven: bool) -> Vec<NamedEffect> {
     let mut effects: Vec<NamedEffect> = Vec::new();
     for (position, taken) in case.taken.iter().enumerate() {
@@ -342,7 +283,7 @@ fn named(case: &Case, is_proven: bool) -> Vec<NamedEffect> {
             }
             .to_owned(),
             index: finalist.member.candidate.index,
-            parameters: parameters(case, position, finalist),
+            parameters: sizes(case, position, finalist),
             evidence: Evidence {
                 gain: rounded(finalist.gain()),
                 threshold: rounded(taken.threshold),
@@ -430,7 +371,7 @@ fn absorbed(case: &Case, effects: &[NamedEffect]) -> Vec<Absorbed> {
         if mentioned(name) {
             continue;
         }
-        for value in parameters(case, position, &taken.finalist) {
+        for value in sizes(case, position, &taken.finalist) {
             add(name, value);
         }
     }

@@ -1,5 +1,6 @@
 //! From runs to a report and a model version.
 
+mod absorb;
 mod assemble;
 mod calibrate;
 mod energy;
@@ -7,6 +8,7 @@ mod evenness;
 mod exchange;
 mod excited;
 mod gap_table;
+mod interval;
 mod louder;
 mod loudness;
 mod next;
@@ -30,6 +32,7 @@ use crate::select::{
     Explained, Finalist, Role, Round, Sensitivities, Stop, decrease, difference, energies, roles, round, slack_of,
 };
 use crate::workers::{Cancelled, Workers};
+use absorb::absorb_one;
 use energy::Energies;
 use evenness::{Evenness, evenness};
 use louder::Compared;
@@ -42,11 +45,6 @@ pub const LIBRARY_VERSION: &str = "1";
 const MOST_EFFECTS: usize = 6;
 /// Most effects of the references that are absorbed.
 const MOST_ABSORBED: usize = 5;
-/// An effect is in the references when it gains this much there, and a run this part of what it gains in the runs.
-const SEEN: f64 = 6.6;
-const BACKGROUND: f64 = 0.35;
-/// An accepted effect of which the references have less than this part is not looked for in them.
-const PERHAPS_SEEN: f64 = 0.1;
 /// Changes below this part of the practical size are calibration.
 const TINY: f64 = 0.7;
 
@@ -542,47 +540,6 @@ fn taken(stop: &Stop, accepted: usize) -> Taken {
 
 fn reference_metric(floor: &Floor) -> Option<Metric> {
     (!floor.references.is_empty()).then(|| floor.metric(&floor.references, &floor.sensitivities))
-}
-
-/// Takes into the floor's model what the references have of the accepted effect, or, when none is accepted, the best of what they have as well.
-fn absorb_one(floor: &mut Floor, metric: &Metric, stop: &Stop, runs: usize) -> bool {
-    let is_there = |(position, finalist): &(usize, &Finalist)| match stop.accepted {
-        Some(accepted) => *position == accepted && finalist.in_references > PERHAPS_SEEN,
-        None => finalist.is_background(),
-    };
-    let there = stop.finalists.iter().enumerate().filter(is_there);
-    let mut quick = there.filter(|(_, finalist)| !finalist.is_slow());
-    quick.any(|(_, finalist)| absorb(floor, metric, finalist, runs))
-}
-
-/// An effect fitted to the references from where the runs have it: taken into the floor's model when it is there as well.
-///
-/// - `runs`: number of training runs, which the finalist's gain is of.
-fn absorb(floor: &mut Floor, metric: &Metric, finalist: &Finalist, runs: usize) -> bool {
-    let problem = Problem {
-        records: &floor.references,
-        metric,
-        base: &floor.model,
-        residuals: &floor.residuals,
-        wanted_gain: f64::NEG_INFINITY,
-    };
-    let Some(fit) = fit(&problem, vec![finalist.member.clone()]) else {
-        return false;
-    };
-    let member = &fit.members[0];
-    let size = member.candidate.size(&member.values);
-    let alike = if size.is_finite() {
-        size > 0.4 * finalist.size
-    } else {
-        true
-    };
-    let a_run = fit.gain / floor.references.len() as f64;
-    if fit.gain < SEEN || a_run < BACKGROUND * finalist.gain_train / runs as f64 || !alike {
-        return false;
-    }
-    let effect = member.candidate.effect(&member.values);
-    floor.absorb(vec![effect], fit.residuals);
-    true
 }
 
 /// Levels of the references, and of training and validation runs.

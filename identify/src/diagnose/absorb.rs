@@ -1,0 +1,52 @@
+//! What the references have of an effect is no difference to them: it goes into the floor's model.
+
+use crate::fit::{Problem, fit};
+use crate::floor::{Floor, Metric};
+use crate::select::{Finalist, Stop};
+
+/// An effect is in the references when it gains this much there, and a run this part of what it gains in the runs.
+const SEEN: f64 = 6.6;
+const BACKGROUND: f64 = 0.35;
+/// An accepted effect of which the references have less than this part is not looked for in them.
+const PERHAPS_SEEN: f64 = 0.1;
+
+/// Takes into the floor's model what the references have of the accepted effect, or, when none is accepted, the best of what they have as well.
+pub(super) fn absorb_one(floor: &mut Floor, metric: &Metric, stop: &Stop, runs: usize) -> bool {
+    let is_there = |(position, finalist): &(usize, &Finalist)| match stop.accepted {
+        Some(accepted) => *position == accepted && finalist.in_references > PERHAPS_SEEN,
+        None => finalist.is_background(),
+    };
+    let there = stop.finalists.iter().enumerate().filter(is_there);
+    let mut quick = there.filter(|(_, finalist)| !finalist.is_slow());
+    quick.any(|(_, finalist)| absorb(floor, metric, finalist, runs))
+}
+
+/// An effect fitted to the references from where the runs have it: taken into the floor's model when it is there as well.
+///
+/// - `runs`: number of training runs, which the finalist's gain is of.
+fn absorb(floor: &mut Floor, metric: &Metric, finalist: &Finalist, runs: usize) -> bool {
+    let problem = Problem {
+        records: &floor.references,
+        metric,
+        base: &floor.model,
+        residuals: &floor.residuals,
+        wanted_gain: f64::NEG_INFINITY,
+    };
+    let Some(fit) = fit(&problem, vec![finalist.member.clone()]) else {
+        return false;
+    };
+    let member = &fit.members[0];
+    let size = member.candidate.size(&member.values);
+    let alike = if size.is_finite() {
+        size > 0.4 * finalist.size
+    } else {
+        true
+    };
+    let a_run = fit.gain / floor.references.len() as f64;
+    if fit.gain < SEEN || a_run < BACKGROUND * finalist.gain_train / runs as f64 || !alike {
+        return false;
+    }
+    let effect = member.candidate.effect(&member.values);
+    floor.absorb(vec![effect], fit.residuals);
+    true
+}

@@ -1,0 +1,112 @@
+//! Fitted sizes with their 95 % intervals.
+
+use super::Case;
+use super::evenness::Evenness;
+use crate::fit::Fit;
+use crate::hypothesis::Axis;
+use crate::report::schema::{ParameterValue, rounded};
+use crate::select::Finalist;
+
+/// Half width of a 95 % interval in standard deviations, before the inflation of few references.
+pub(super) const NORMAL_95: f64 = 1.96;
+/// Standard deviation of a size for the plant's other law, as a share of the change, at least; limits change by this share of themselves.
+const LAW_LEAST: f64 = 0.01;
+/// A larger rest, as a share of what is explained, is of other effects.
+const LAW_MOST: f64 = 0.04;
+const LIMIT_SHARE: f64 = 0.2;
+
+/// Parameters of a named effect.
+pub(super) fn sizes(case: &Case, position: usize, finalist: &Finalist) -> Vec<ParameterValue> {
+    let width = NORMAL_95 * case.floor.inflation().sqrt();
+    let member = &finalist.member;
+    let axes = member.candidate.axes.iter().zip(&member.values).enumerate();
+    axes.map(|(a, (axis, value))| {
+        let fitted = case
+            .fit
+            .as_ref()
+            .map_or(f64::INFINITY, |fit: &Fit| fit.sigma(position, a));
+        let scatter = case
+            .scatter
+            .iter()
+            .find(|(free, _)| *free == (position, a))
+            .map_or(0.0, |(_, scatter)| *scatter);
+        let beyond = beyond_noise(axis, *value, case.law_rest, case.taken[position].evenness.as_ref());
+        let sigma = (fitted * fitted + scatter * scatter + beyond * beyond).sqrt();
+        let end = |value: f64| value.is_finite().then(|| rounded(value));
+        let known = value.is_finite() && sigma.is_finite();
+        ParameterValue {
+            name: axis.name.to_owned(),
+            value: end(*value),
+            low: end(if known {
+                (value - width * sigma).max(axis.low)
+            } else {
+                *value
+            }),
+            high: end(if known {
+                (value + width * sigma).min(axis.high)
+            } else {
+                *value
+            }),
+            unit: axis.unit.to_owned(),
+        }
+    })
+    .collect()
+}
+
+/// Standard deviation of a size for what is no noise and does not average out.
+///
+/// - `law_rest`: what the fit leaves over, as a share of what it explains. An effect of another law leaves a rest, and its best size by
+///   our law is off by about as much.
+/// - `evenness`: how far the size differs from stretch to stretch (prediction interval of random effects: Higgins, Thompson and
+///   Spiegelhalter 2009).
+fn beyond_noise(axis: &Axis, value: f64, law_rest: f64, evenness: Option<&Evenness>) -> f64 {
+    if !axis.carries_size {
+        return 0.0;
+    }
+    let change = if axis.neutral.is_finite() {
+        (value - axis.neutral).abs()
+    } else {
+        LIMIT_SHARE * value.abs()
+    };
+    let law = LAW_LEAST + 0.5 * law_rest.min(LAW_MOST).sqrt();
+    let spread = evenness.map_or(0.0, |even| even.spread);
+    change * (law * law + spread * spread).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn axis(neutral: f64, carries_size: bool) -> Axis {
+        Axis {
+            name: "gain",
+            unit: "1",
+            neutral,
+            low: 0.0,
+            high: 2.0,
+            practical: 0.1,
+            carries_size,
+        }
+    }
+
+    #[test]
+    fn laws_and_uneven_sizes_widen_an_interval_by_shares_of_the_change() {
+        let uneven = Evenness {
+            spread: 0.3,
+            surprise: 2.0,
+        };
+        let close = |found: f64, wanted: f64| assert!((found - wanted).abs() < 1e-12, "{found}, {wanted}");
+        close(beyond_noise(&axis(1.0, true), 0.8, 0.0, None), 0.2 * 0.01);
+        close(beyond_noise(&axis(1.0, true), 0.8, 1.0, None), 0.2 * 0.11);
+        close(
+            beyond_noise(&axis(1.0, true), 0.8, 1.0, Some(&uneven)),
+            0.2 * (0.11_f64 * 0.11 + 0.09).sqrt(),
+        );
+        // A limit changes by a share of itself; a place is no size.
+        close(
+            beyond_noise(&axis(f64::INFINITY, true), 2.0, 0.0, Some(&uneven)),
+            0.4 * (1e-4_f64 + 0.09).sqrt(),
+        );
+        close(beyond_noise(&axis(1.0, false), 0.8, 1.0, Some(&uneven)), 0.0);
+    }
+}
