@@ -115,7 +115,7 @@ fn a_robot_whose_origin_swings_out_in_turns_stays_near_its_path_and_arrives() {
         );
         assert!(driven.seconds < 24.0, "k_p {gain}: {} s", driven.seconds);
         assert!(
-            driven.end_m[0].hypot(driven.end_m[1]) < REACHED_M,
+            libm::hypot(driven.end_m[0], driven.end_m[1]) < REACHED_M,
             "k_p {gain}: {:?}",
             driven.end_m
         );
@@ -129,7 +129,7 @@ fn a_robot_that_knows_where_it_turns_keeps_its_origin_within_that_of_both_legs()
         println!("k_p {gain}: {:.0} mm, {:.1} s", 1e3 * driven.largest_m, driven.seconds);
         assert!(driven.largest_m < POINT_M + 0.006, "k_p {gain}: {} m", driven.largest_m);
         assert!(
-            driven.end_m[0].hypot(driven.end_m[1]) < REACHED_M,
+            libm::hypot(driven.end_m[0], driven.end_m[1]) < REACHED_M,
             "k_p {gain}: {:?}",
             driven.end_m
         );

@@ -334,7 +334,7 @@ fn a_robot_that_skids_turns_where_its_model_does() {
         if tick > 240 {
             let [should, _] = scene.interaction.expected().expect("active");
             let is = scene.seen().pose;
-            worst_m = worst_m.max((should.x_m - is.x_m).hypot(should.y_m - is.y_m));
+            worst_m = worst_m.max(libm::hypot(should.x_m - is.x_m, should.y_m - is.y_m));
         }
     }
     println!("turns {:.1} mm ahead; {:.1} mm off", 1e3 * point_m, 1e3 * worst_m);
