@@ -97,3 +97,16 @@ fn predictions_from_the_middle_of_a_run_know_the_play_too() {
     let (without, with) = (yaw_rad(&[]), yaw_rad(core::slice::from_ref(&play)));
     assert!(with < 0.25 * without, "rad: {without} {with}");
 }
+
+/// A tag 8 cm above the floor is seen up to 3 cm aside, to the other side by the other camera: near the line between them nobody knows which.
+#[test]
+fn a_tag_above_the_floor_is_met_where_two_cameras_meet() {
+    let tag = |z_m: f64| Effect::new("tag_height", &[("z", z_m)]);
+    let is_place = |quantity| matches!(quantity, Quantity::Forward | Quantity::Left);
+    let models: [&[Effect]; 3] = [&[], &[tag(0.08)], &[tag(0.12)]];
+    let [none, truth, half_more] = left("diff2", &tag(0.08), (is_place, WINDOW_S), models);
+    assert!(
+        truth < 0.002 && none > 3.0 * truth && half_more > 1.5 * truth,
+        "m: {none} {truth} {half_more}"
+    );
+}

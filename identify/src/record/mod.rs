@@ -61,6 +61,17 @@ pub struct PoseCell {
     pub samples: (u32, u32),
 }
 
+/// Poses so near to the line between the two cameras' fields (x = 0 in the library) are not compared: a tag above the floor is seen up to
+/// some centimetres aside, to the other side by the other camera, and nobody knows which one saw it.
+const SEAM_M: f64 = 0.05;
+
+impl PoseCell {
+    /// Which camera saw it is not known.
+    pub fn is_near_seam(&self) -> bool {
+        self.x_m.abs() < SEAM_M
+    }
+}
+
 /// Where a measured sample lies among a simulation's rows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SamplePlace {
@@ -262,8 +273,9 @@ impl Record {
                 }
                 for pose in &chain.poses {
                     for quantity in [Quantity::Forward, Quantity::Left, Quantity::Yaw] {
+                        let is_open = quantity == Quantity::Yaw || !pose.is_near_seam();
                         places.push(Place {
-                            quantity: Some(quantity),
+                            quantity: is_open.then_some(quantity),
                             window: number,
                             time_s: pose.time_s,
                             x_m: pose.x_m,

@@ -8,7 +8,7 @@ use twin::replay::{CommandRow, ReplayRow, replay_after};
 use twin::robot::Robot;
 
 use super::build::rolling_rows;
-use super::{Chain, Record, SamplePlace, Window};
+use super::{Chain, PoseCell, Record, SamplePlace, Window};
 use crate::gap::RobotClock;
 use crate::hypothesis::Hypothesis;
 
@@ -29,6 +29,8 @@ impl Stages {
 /// Position noise that weighs the alignment of paths, m, and the yaw's, rad: only their ratio counts.
 const ALIGN_M: f64 = 0.001;
 const ALIGN_RAD: f64 = 0.003;
+/// Fewest poses that lay a path.
+const FEWEST_ALIGNED: usize = 3;
 /// Actuator effects that act between the measured wheel or steering angle and the floor.
 const BEHIND_THE_ENCODER: [&str; 4] = [
     "encoder_scale",
@@ -170,7 +172,15 @@ fn compare(chain: &Chain, states: &[ReplayRow], out: &mut Vec<f64>) {
 /// Lays the twin's path on the measured one (rigid motion, least squares over the window) and compares.
 fn aligned(chain: &Chain, states: &[ReplayRow], out: &mut Vec<f64>) {
     let last = states.len().saturating_sub(2);
-    let n = chain.poses.len() as f64;
+    // Poses that are not compared do not lay the path either, unless there are no others.
+    let is_open = |cell: &&PoseCell| !cell.is_near_seam();
+    let few = chain.poses.iter().filter(is_open).count() < FEWEST_ALIGNED;
+    let shares: Vec<f64> = chain
+        .poses
+        .iter()
+        .map(|cell| f64::from(u8::from(few || is_open(&cell))))
+        .collect();
+    let n: f64 = shares.iter().sum();
     let mut twin: Vec<[f64; 3]> = Vec::with_capacity(chain.poses.len());
     for cell in &chain.poses {
         let samples = &chain.samples[cell.samples.0 as usize..cell.samples.1 as usize];
@@ -188,11 +198,19 @@ fn aligned(chain: &Chain, states: &[ReplayRow], out: &mut Vec<f64>) {
     }
     // The yaw difference of the first cell may be near half a turn: relative to it the others do not wrap.
     let base = twin[0][2];
-    let mean_yaw = base + twin.iter().map(|pose| wrapped_rad(pose[2] - base)).sum::<f64>() / n;
+    let turns = twin
+        .iter()
+        .zip(&shares)
+        .map(|(pose, share)| share * wrapped_rad(pose[2] - base));
+    let mean_yaw = base + turns.sum::<f64>() / n;
     let (mut centre, mut measured_centre) = ([0.0; 2], [0.0; 2]);
-    for (cell, pose) in chain.poses.iter().zip(&twin) {
-        centre = [centre[0] + pose[0] / n, centre[1] + pose[1] / n];
-        measured_centre = [measured_centre[0] + cell.x_m / n, measured_centre[1] + cell.y_m / n];
+    for ((cell, pose), share) in chain.poses.iter().zip(&twin).zip(&shares) {
+        let share = share / n;
+        centre = [centre[0] + share * pose[0], centre[1] + share * pose[1]];
+        measured_centre = [
+            measured_centre[0] + share * cell.x_m,
+            measured_centre[1] + share * cell.y_m,
+        ];
     }
     let turned = |turn_rad: f64| -> Vec<[f64; 3]> {
         let (sin, cos) = libm::sincos(turn_rad);
@@ -212,11 +230,11 @@ fn aligned(chain: &Chain, states: &[ReplayRow], out: &mut Vec<f64>) {
     let (weight_m, weight_rad) = (1.0 / (ALIGN_M * ALIGN_M), 1.0 / (ALIGN_RAD * ALIGN_RAD));
     let (sin, cos) = libm::sincos(-mean_yaw);
     let (mut moment, mut arm) = (0.0, 0.0);
-    for (error, pose) in first.iter().zip(&twin) {
+    for ((error, pose), share) in first.iter().zip(&twin).zip(&shares) {
         let (x, y) = (pose[0] - centre[0], pose[1] - centre[1]);
         let (x, y) = (cos * x - sin * y, sin * x + cos * y);
-        moment += weight_m * (x * error[1] - y * error[0]) + weight_rad * error[2];
-        arm += weight_m * (x * x + y * y) + weight_rad;
+        moment += share * (weight_m * (x * error[1] - y * error[0]) + weight_rad * error[2]);
+        arm += share * (weight_m * (x * x + y * y) + weight_rad);
     }
     for (error, cell) in turned(-mean_yaw + moment / arm).iter().zip(&chain.poses) {
         let (sin, cos) = libm::sincos(cell.yaw_rad);
