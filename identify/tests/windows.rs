@@ -106,7 +106,7 @@ fn a_tag_above_the_floor_is_met_where_two_cameras_meet() {
     let models: [&[Effect]; 3] = [&[], &[tag(0.08)], &[tag(0.12)]];
     let [none, truth, half_more] = left("diff2", &tag(0.08), (is_place, WINDOW_S), models);
     assert!(
-        truth < 0.002 && none > 3.0 * truth && half_more > 1.5 * truth,
+        truth < 0.0008 && none > 3.0 * truth && half_more > 1.5 * truth,
         "m: {none} {truth} {half_more}"
     );
 }
