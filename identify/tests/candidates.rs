@@ -52,6 +52,30 @@ fn the_choice_of_a_wheel_is_a_choice() {
     assert_eq!(limits.choices(&[0.5, f64::INFINITY, 1.0]), 2);
 }
 
+/// The body origin of others goes sideways in turns, but no drive's firmware limits that.
+#[test]
+fn sideways_limits_are_looked_for_on_robots_that_go_sideways() {
+    let looked_for = |chassis: &str| {
+        let (_, all) = of(chassis);
+        let columns = &named(&all, "body_speed_saturation").columns;
+        assert!(
+            columns
+                .iter()
+                .any(|column| column.values[0].is_finite() && column.values[2].is_finite())
+        );
+        columns.iter().any(|column| column.values[1].is_finite())
+    };
+    for (chassis, sideways) in [
+        ("omni4", true),
+        ("diff2", false),
+        ("diff4", false),
+        ("rwd", false),
+        ("awd", false),
+    ] {
+        assert_eq!(looked_for(chassis), sideways, "{chassis}");
+    }
+}
+
 /// An arc with a stop in it, so that every motor works against the floor.
 fn arc(robot: &Robot) -> Vec<CommandRow> {
     (0..180)

@@ -5,7 +5,8 @@
 //! u = k_p e + k_i int e dt + k_d de/dt        [PID; the cascade for robots that cannot move sideways: Siciliano and Khatib 2016]
 //!
 //! across the path while it drives along it. A robot that moves sideways does just that; the others point along the sum
-//! of both. A robot that turns in place stops and turns at corners. A car-like robot drives arcs there, as tight as it may, and
+//! of both. A robot that turns in place stops and turns at corners, that much earlier as its model says that it turns ahead of its origin.
+//! A car-like robot drives arcs there, as tight as it may, and
 //! never bends more than its steering allows; where the path turns back it changes gear.
 
 use twin::twist::BodyTwist;

@@ -28,40 +28,57 @@ pub(super) fn gap_table(case: &Case, after: &Hypothesis) -> (Vec<Gap>, Option<f6
         return (Vec::new(), None);
     }
     let records: Vec<&Record> = case.locked.iter().collect();
-    gaps(case, &bundles, &records, after)
+    let known = Known::new(case, &bundles, &records);
+    gaps(case, &known, &errors(&case.floor, &bundles, &records, after))
 }
 
-/// Part of the gap of the validation runs that a model explains; unknown when there is none to speak of.
-pub(super) fn explained_of_validation(case: &Case, after: &Hypothesis) -> Option<f64> {
+/// Part of the gap of the validation runs that each model explains; unknown when there is none to speak of.
+pub(super) fn explained_of_validation(case: &Case, models: &[Hypothesis]) -> Vec<Option<f64>> {
     let runs = case.input.runs.iter().zip(&case.records).zip(&case.roles);
     let (bundles, records): (Vec<_>, Vec<_>) = runs
         .filter(|(_, role)| **role == Role::Validation)
         .map(|((run, record), _)| (&run.bundle, record))
         .unzip();
-    gaps(case, &bundles, &records, after).1
+    let known = Known::new(case, &bundles, &records);
+    let explained = |model| gaps(case, &known, &errors(&case.floor, &bundles, &records, model)).1;
+    models.iter().map(explained).collect()
 }
 
-/// - `bundles`, `records`: of the same runs.
-fn gaps(case: &Case, bundles: &[&Bundle], records: &[&Record], after: &Hypothesis) -> (Vec<Gap>, Option<f64>) {
+/// Errors under the floor's model, of the runs and of the references.
+struct Known {
+    before: Errors,
+    references: Errors,
+}
+
+impl Known {
+    /// - `bundles`, `records`: of the same runs.
+    fn new(case: &Case, bundles: &[&Bundle], records: &[&Record]) -> Known {
+        let floor = &case.floor;
+        let reference_records: Vec<&Record> = floor.references.iter().collect();
+        let reference_bundles: Vec<_> = floor
+            .references
+            .iter()
+            .filter_map(|record| case.input.references.iter().find(|run| run.path == record.name))
+            .map(|run| &run.bundle)
+            .collect();
+        Known {
+            before: errors(floor, bundles, records, &floor.model),
+            references: errors(floor, &reference_bundles, &reference_records, &floor.model),
+        }
+    }
+}
+
+/// - `after`: errors of the same runs under another model.
+fn gaps(case: &Case, known: &Known, after: &Errors) -> (Vec<Gap>, Option<f64>) {
     let floor = &case.floor;
-    let reference_records: Vec<&Record> = floor.references.iter().collect();
-    let reference_bundles: Vec<_> = floor
-        .references
-        .iter()
-        .filter_map(|record| case.input.references.iter().find(|run| run.path == record.name))
-        .map(|run| &run.bundle)
-        .collect();
-    let before_errors = errors(floor, bundles, records, &floor.model);
-    let after_errors = errors(floor, bundles, records, after);
-    let floor_errors = errors(floor, &reference_bundles, &reference_records, &floor.model);
     let mut gaps = Vec::new();
     let (mut weight_sum, mut weighted) = (0.0, 0.0);
-    for (key, samples) in &before_errors {
-        let Some((_, samples_after)) = after_errors.iter().find(|(other, _)| other == key) else {
+    for (key, samples) in &known.before {
+        let Some((_, samples_after)) = after.iter().find(|(other, _)| other == key) else {
             continue;
         };
         let (class, horizon) = *key;
-        let references = comparable(&floor_errors, class, horizon);
+        let references = comparable(&known.references, class, horizon);
         let floor_rms = if references.is_empty() {
             stated(floor, class)
         } else {

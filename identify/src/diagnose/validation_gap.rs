@@ -18,8 +18,9 @@ pub(super) fn adds_nothing(case: &Case, before: &[Member], after: &[Member]) -> 
     if before.is_empty() {
         return None;
     }
-    let explained = |members: &[Member]| explained_of_validation(case, &with_members(&case.floor.model, members));
-    let (old, new) = (explained(before)?, explained(after)?);
+    let models = [before, after].map(|members| with_members(&case.floor.model, members));
+    let explained: Option<Vec<f64>> = explained_of_validation(case, &models).into_iter().collect();
+    let [old, new] = explained?.try_into().ok()?;
     (new < old + ADDS).then(|| {
         format!(
             "of the gap of the validation runs {:.1} % is explained with it and {:.1} % without",
@@ -36,18 +37,26 @@ pub(super) fn prefer(case: &Case, members: &[Member], stop: &mut Stop) {
     let Some(accepted) = stop.accepted.filter(|_| !stop.alternatives.is_empty()) else {
         return;
     };
-    let explained = |finalist: &Finalist| {
+    let model = |finalist: &Finalist| {
         let all = if finalist.joint.is_empty() {
             let own = core::iter::once(&finalist.member);
             members.iter().chain(own).cloned().collect()
         } else {
             finalist.joint.clone()
         };
-        explained_of_validation(case, &with_members(&case.floor.model, &all))
+        with_members(&case.floor.model, &all)
     };
-    let rivals = core::iter::once(accepted).chain(stop.alternatives.iter().copied());
-    let known: Option<Vec<(usize, f64)>> = rivals
-        .map(|position| explained(&stop.finalists[position]).map(|explained| (position, explained)))
+    let rivals: Vec<usize> = core::iter::once(accepted)
+        .chain(stop.alternatives.iter().copied())
+        .collect();
+    let models: Vec<_> = rivals
+        .iter()
+        .map(|position| model(&stop.finalists[*position]))
+        .collect();
+    let explained = explained_of_validation(case, &models);
+    let pairs = rivals.into_iter().zip(explained);
+    let known: Option<Vec<(usize, f64)>> = pairs
+        .map(|(position, explained)| Some((position, explained?)))
         .collect();
     let Some(known) = known else { return };
     let (chosen, alternatives) = choice(&known);

@@ -266,9 +266,7 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Sensitivities) -> R
         judged.extend(gathered(workers, more.len(), &|f| judge(data, &more[f], threshold))?);
         fitted.extend(more);
         choose(data, &mut stop, &judged, &fitted);
-        // Where much is to be explained a small change says little of a large one, and the truth may be further down.
-        order.retain(|position| !list.contains(position) && stop.scores[*position].gain > threshold);
-        list = short_list(data.candidates, &order, &stop.scores);
+        list = further_list(data.candidates, &mut order, &list, &stop.scores, threshold);
         if stop.accepted.is_some() || !is_alone || lists_left == 0 || list.is_empty() {
             break;
         }
@@ -378,6 +376,19 @@ fn short_list(candidates: &[Candidate], order: &[usize], scores: &[Score]) -> Ve
     list
 }
 
+/// The best of what is left of the order: where much is to be explained a small change says little of a large one, and the truth may
+/// be further down.
+fn further_list(
+    candidates: &[Candidate],
+    order: &mut Vec<usize>,
+    fitted: &[usize],
+    scores: &[Score],
+    threshold: f64,
+) -> Vec<usize> {
+    order.retain(|position| !fitted.contains(position) && scores[*position].gain > threshold);
+    short_list(candidates, order, scores)
+}
+
 fn sensitivities(workers: &dyn Workers, data: &Round) -> Result<Vec<Vec<Vec<f64>>>, Cancelled> {
     let mut changes = Vec::new();
     for candidate in data.candidates {
@@ -416,4 +427,46 @@ pub(super) fn slices(vectors: &[Vec<f64>]) -> Vec<&[f64]> {
 fn cosine(metric: &Metric, a: &[Vec<f64>], b: &[Vec<f64>]) -> f64 {
     let gram = metric.gram(&[slices(a), slices(b)]);
     gram.at(0, 1) / (gram.at(0, 0) * gram.at(1, 1)).sqrt().max(1e-12)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hypothesis::{Excitation, candidates};
+    use twin::golden::reference_robot;
+
+    /// Motors score best, the true one third of four: two wheels of an effect are all that a list takes.
+    #[test]
+    fn a_third_wheel_is_fitted_when_nothing_of_the_first_list_passes() {
+        let driven = Excitation {
+            wheel_rad_per_s: 20.0,
+            twist: [0.8, 0.6, 2.0],
+            extent_m: [-1.0, 1.0, -1.0, 1.0],
+        };
+        let all = candidates(&reference_robot("diff4"), &driven);
+        let motors: Vec<usize> = (0..all.len()).filter(|c| all[*c].entry.name == "weak_motor").collect();
+        let gain = |position: usize| match motors.iter().position(|motor| *motor == position) {
+            Some(rank) => 1000.0 - 100.0 * rank as f64,
+            None => 200.0 - position as f64,
+        };
+        let scores: Vec<Score> = (0..all.len())
+            .map(|position| Score {
+                gain: gain(position),
+                sensitivity: 100.0,
+                start: Vec::new(),
+                more_starts: Vec::new(),
+                best_column: 0,
+            })
+            .collect();
+        let mut order: Vec<usize> = (0..all.len()).collect();
+        order.sort_by(|a, b| scores[*b].gain.total_cmp(&scores[*a].gain));
+        let first = short_list(&all, &order, &scores);
+        assert_eq!(first[..2], motors[..2]);
+        assert!(!first.contains(&motors[2]));
+        let second = further_list(&all, &mut order, &first, &scores, 34.0);
+        assert_eq!(second[..2], motors[2..]);
+        assert!(second.iter().all(|position| !first.contains(position)));
+        // What scores no more than chance is in no list.
+        assert!(further_list(&all, &mut order, &second, &scores, 1000.0).is_empty());
+    }
 }
