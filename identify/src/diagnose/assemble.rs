@@ -90,7 +90,8 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
     let absorbed = absorbed(case, &effects);
     let (rejected, untestable) = rest(case, &effects, &absorbed);
     let place = located(case);
-    let sentence = verdict_sentence(verdict, &effects, explained, &place.sentence);
+    let has_references = !case.floor.references.is_empty();
+    let sentence = verdict_sentence(verdict, &effects, explained, &place.sentence, has_references);
     let report = Report {
         format: FORMAT.to_owned(),
         robot: case.floor.given.description.name.clone(),

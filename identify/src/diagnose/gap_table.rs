@@ -62,7 +62,7 @@ impl Known {
             .map(|run| &run.bundle)
             .collect();
         Known {
-            before: errors(floor, bundles, records, &floor.model),
+            before: errors(floor, bundles, records, floor.before()),
             references: errors(floor, &reference_bundles, &reference_records, &floor.model),
         }
     }

@@ -3,6 +3,7 @@
 mod absorb;
 mod assemble;
 mod calibrate;
+mod described;
 mod energy;
 mod evenness;
 mod exchange;
@@ -33,6 +34,7 @@ use crate::select::{
 };
 use crate::workers::{Cancelled, Workers};
 use absorb::absorb_one;
+use described::described;
 use energy::Energies;
 use evenness::{Evenness, evenness};
 use louder::Compared;
@@ -187,16 +189,19 @@ pub fn diagnose(workers: &dyn Workers, input: &Input) -> Result<Diagnosis, Diagn
     let knobs = knobs(&candidates, &description);
     let stages: Vec<Stages> = knobs.iter().map(|knob| knob_stages(knob, &candidates)).collect();
     workers.progress("calibrate", 0.05);
-    let floor = if references.is_empty() {
-        remarks.push("no references: the robot description and its noise are taken at their word".to_owned());
-        Floor::stated(given, knobs)
-    } else {
-        let floor = Floor::calibrated(workers, given, knobs, &stages, references)?;
-        remarks.extend(floor.tyres());
-        floor
-    };
     let liveliness: Vec<f64> = records.iter().map(|record| record.largest_command_rad_per_s).collect();
     let roles = roles(&liveliness, !input.locked.is_empty());
+    let floor = if references.is_empty() {
+        remarks.push("no references: the robot description and its noise are taken at their word".to_owned());
+        let pairs = records.iter().zip(&roles);
+        let train = pairs
+            .filter(|(_, role)| **role == Role::Train)
+            .map(|(record, _)| record.clone());
+        Floor::told_by_runs(workers, given, knobs, &stages, train.collect())?
+    } else {
+        Floor::calibrated(workers, given, knobs, &stages, references)?
+    };
+    remarks.extend(floor.tyres());
     let mut case = Case {
         input,
         floor,
@@ -325,6 +330,8 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
     let mut members: Vec<Member> = Vec::new();
     let mut kept = Sensitivities::default();
     let mut explained = Explained::default();
+    let mut stages = stages.to_vec();
+    let mut is_described = !case.floor.references.is_empty();
     for number in 0..MOST_EFFECTS + MOST_ABSORBED {
         workers.progress(
             &format!("round {}", number + 1),
@@ -380,7 +387,20 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
         prefer(case, &members, &mut stop);
         let Some(accepted) = stop.accepted.filter(|_| members.len() < MOST_EFFECTS) else {
             case.last = Some(stop);
-            break;
+            if is_described {
+                break;
+            }
+            // With what is named in the model the description can be held against the runs, and then there may be more to be seen.
+            is_described = true;
+            let Some(found) = described(workers, case, &members, &stages)? else {
+                break;
+            };
+            (members, stages, explained.gain) = (found.members, found.stages, found.explained);
+            (train, validation) = (found.train, found.validation);
+            coarse = train.thinned(&case.floor);
+            kept.leave(&found.calibrated);
+            kept.outdate();
+            continue;
         };
         let before = (members.clone(), case.taken.clone());
         case.taken.push(taken(&stop, accepted));
@@ -435,7 +455,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
     }
     case.energies.name(&train, &validation);
     case.levels.after = compared(&case.floor, reference_metric.as_ref(), &train, &validation);
-    finish(workers, case, stages, members)
+    finish(workers, case, &stages, members)
 }
 
 /// The final numbers on training and validation runs together.

@@ -124,8 +124,7 @@ fn prior_variation(knob: &Knob, robot: &RobotDescription) -> f64 {
 fn is_rigid(knob: &Knob) -> bool {
     match knob {
         Knob::Parameter { name, .. } => RIGID.contains(name),
-        Knob::Supply(_) | Knob::Resistance(_) => false,
-        Knob::Tread(_) | Knob::SteeringFilter(_) | Knob::AccelerometerLag(_) => true,
+        other => other.is_untold(),
     }
 }
 
@@ -136,19 +135,17 @@ fn prior_runs(knob: &Knob) -> f64 {
 
 /// Precision with which the description tells a knob.
 pub(super) fn prior_precision(knob: &Knob) -> f64 {
-    let sigma = match knob {
-        Knob::Tread(_) | Knob::SteeringFilter(_) | Knob::AccelerometerLag(_) => UNTOLD_SIGMA,
-        Knob::Parameter { .. } | Knob::Supply(_) | Knob::Resistance(_) => DESCRIPTION_SIGMA,
+    let sigma = if knob.is_untold() {
+        UNTOLD_SIGMA
+    } else {
+        DESCRIPTION_SIGMA
     };
     1.0 / (sigma * sigma)
 }
 
 /// What a knob is off by without references. No description knows its tyres, and few the filters inside its servo and its sensors.
-fn word_sigma(knob: &Knob) -> f64 {
-    match knob {
-        Knob::Tread(_) | Knob::SteeringFilter(_) | Knob::AccelerometerLag(_) => TREAD_SIGMA,
-        _ => WORD_SIGMA,
-    }
+pub(super) fn word_sigma(knob: &Knob) -> f64 {
+    if knob.is_untold() { TREAD_SIGMA } else { WORD_SIGMA }
 }
 
 /// Knobs as changes of a hypothesis.
@@ -262,7 +259,7 @@ impl Floor {
                 (weighting, knobs)
             })
             .collect();
-        Metric::new(runs, &self.variation, &self.uncertainty)
+        Metric::new(runs, &self.variation, &self.uncertainty, self.noise.is_prior)
     }
 
     fn fit(&mut self, workers: &dyn Workers) -> Result<(), Cancelled> {
@@ -355,10 +352,14 @@ impl Floor {
 
     /// S' V^-1 S and S' V^-1 y of one reference.
     fn information_of(&self, reference: usize) -> (Square, Vec<f64>) {
+        self.information_from(self.moments(reference))
+    }
+
+    /// The same from S' W S and S' W y: the knobs vary from run to run.
+    pub(super) fn information_from(&self, (gram, score): (Square, Vec<f64>)) -> (Square, Vec<f64>) {
         let count = self.knobs.len();
         let mut total = Square::zero(count);
         let mut scores = vec![0.0; count];
-        let (gram, score) = self.moments(reference);
         let mut inner = gram.clone();
         for (k, variance) in self.variation.iter().enumerate() {
             inner.add(k, k, 1.0 / variance.max(1e-12));

@@ -21,6 +21,8 @@ struct RunTerms {
     gram: Square,
     /// (L^-1 + S' W S)
     inner: Factor,
+    /// The same of a run by itself, where the description's errors are no others' either: C beside L.
+    alone: Factor,
 }
 
 /// The product over some runs.
@@ -53,7 +55,13 @@ impl Metric {
     /// - `runs`: weights, and sensitivities of the knobs as they were simulated.
     /// - `variation`: variances L of the knobs from run to run.
     /// - `uncertainty`: covariance C of what the calibration left.
-    pub fn new(runs: Vec<(Weighting, Vec<&[f64]>)>, variation: &[f64], uncertainty: &Square) -> Metric {
+    /// - `own_errors`: a run by itself may have errors of the size of C, its variances alone; without references nothing has taken them up.
+    pub fn new(
+        runs: Vec<(Weighting, Vec<&[f64]>)>,
+        variation: &[f64],
+        uncertainty: &Square,
+        own_errors: bool,
+    ) -> Metric {
         let knobs = variation.len();
         let mut common = uncertainty.cholesky().inverse();
         let mut terms = Vec::with_capacity(runs.len());
@@ -73,6 +81,16 @@ impl Metric {
                 inner.add(k, k, 1.0 / variance.max(1e-12));
             }
             let inner = inner.cholesky();
+            let alone = match own_errors {
+                true => {
+                    let mut alone = gram.clone();
+                    for (k, variance) in variation.iter().enumerate() {
+                        alone.add(k, k, 1.0 / (variance + uncertainty.at(k, k)).max(1e-12));
+                    }
+                    alone.cholesky()
+                }
+                false => inner.clone(),
+            };
             // S' V^-1 S = G - G (L^-1 + G)^-1 G
             for column in 0..knobs {
                 let g: Vec<f64> = (0..knobs).map(|row| gram.at(row, column)).collect();
@@ -87,6 +105,7 @@ impl Metric {
                 knobs: sensitivities,
                 gram,
                 inner,
+                alone,
             });
         }
         Metric {
@@ -109,7 +128,7 @@ impl Metric {
     /// The same without the common part: each run by itself.
     pub fn gram_of_run(&self, run: usize, vectors: &[&[f64]]) -> Square {
         let terms = &self.runs[run];
-        let (mut products, _) = self.run_products(terms, vectors);
+        let (mut products, _) = self.run_products(terms, &terms.alone, vectors);
         symmetrise(&mut products);
         products
     }
@@ -131,7 +150,7 @@ impl Metric {
         let mut rest = terms.weighting.turned(vector);
         let left = weighted(weights, &rest);
         let seen: Vec<f64> = terms.knobs.iter().map(|knob| dot(&left, knob)).collect();
-        for (knob, amount) in terms.knobs.iter().zip(terms.inner.solve(&seen)) {
+        for (knob, amount) in terms.knobs.iter().zip(terms.alone.solve(&seen)) {
             for (r, k) in rest.iter_mut().zip(knob) {
                 *r -= amount * k;
             }
@@ -140,7 +159,7 @@ impl Metric {
     }
 
     /// Products a' V^-1 b of one run, and S' V^-1 a of every vector.
-    fn run_products(&self, terms: &RunTerms, vectors: &[&[f64]]) -> (Square, Vec<Vec<f64>>) {
+    fn run_products(&self, terms: &RunTerms, inner: &Factor, vectors: &[&[f64]]) -> (Square, Vec<Vec<f64>>) {
         let count = vectors.len();
         let mut products = Square::zero(count);
         let mut seen: Vec<Vec<f64>> = Vec::with_capacity(count);
@@ -152,7 +171,7 @@ impl Metric {
             }
             seen.push(terms.knobs.iter().map(|knob| dot(&left, knob)).collect());
         }
-        let solved: Vec<Vec<f64>> = seen.iter().map(|u| terms.inner.solve(u)).collect();
+        let solved: Vec<Vec<f64>> = seen.iter().map(|u| inner.solve(u)).collect();
         for i in 0..count {
             for j in 0..=i {
                 products.add(i, j, -dot(&seen[i], &solved[j]));
@@ -177,7 +196,7 @@ impl Metric {
         let mut common = vec![vec![0.0; self.knobs]; count];
         for (number, terms) in self.runs.iter().enumerate() {
             let here: Vec<&[f64]> = vectors.iter().map(|runs| runs[number]).collect();
-            let (products, through) = self.run_products(terms, &here);
+            let (products, through) = self.run_products(terms, &terms.inner, &here);
             for (total, more) in sum.values.iter_mut().zip(&products.values) {
                 *total += more;
             }
@@ -241,6 +260,7 @@ mod tests {
                 .collect(),
             &variation,
             &uncertainty,
+            false,
         );
         let mut covariance = Square::zero(n * runs);
         for a in 0..n * runs {

@@ -1,11 +1,13 @@
 //! The floor: how far twin and measurement are apart where nothing has changed.
 
 mod calibrate;
+mod description;
 mod metric;
 mod modes;
 mod noise;
 mod start;
 
 pub use calibrate::{Floor, knob_changes};
+pub use description::{Estimate, Said};
 pub use metric::{Metric, dot};
 pub use noise::{ClassNoise, NoiseModel, sensor_sigmas};

@@ -32,11 +32,16 @@ struct Likely {
 }
 
 impl Floor {
-    /// How the references' tyres creep and slide, in words.
+    /// How tyres creep and slide, in words.
     pub fn tyres(&self) -> Option<String> {
         let tread = self.model.description.tread?;
+        let source = if self.references.is_empty() {
+            "training runs"
+        } else {
+            "references"
+        };
         Some(format!(
-            "tyres as calibrated on the references: slip scale {:.1} mm/s, creep {:.3}, sliding friction {:.2} of grip",
+            "tyres as calibrated on the {source}: slip scale {:.1} mm/s, creep {:.3}, sliding friction {:.2} of grip",
             1e3 * tread.slip_scale_m_per_s,
             tread.creep,
             tread.sliding

@@ -125,6 +125,14 @@ impl Knob {
         }
     }
 
+    /// Of what no description tells: tyres, and filters inside servos and sensors.
+    pub fn is_untold(&self) -> bool {
+        matches!(
+            self,
+            Knob::Tread(_) | Knob::SteeringFilter(_) | Knob::AccelerometerLag(_)
+        )
+    }
+
     /// Time from command to action.
     pub fn is_delay(&self) -> bool {
         matches!(self, Knob::Parameter { name, .. } if *name == "command_delay")

@@ -54,21 +54,33 @@ pub fn effect_sentence(effect: &NamedEffect) -> String {
 }
 
 /// The whole in one sentence.
+///
+/// - `has_references`: without them the robot's description was calibrated on the very runs.
 pub fn verdict_sentence(
     verdict: Verdict,
     effects: &[NamedEffect],
     explained: Option<f64>,
     where_it_is: &str,
+    has_references: bool,
 ) -> String {
     let names: Vec<String> = effects.iter().map(|effect| plain(&effect.name)).collect();
     let names = names.join(", ");
+    let explains = if has_references {
+        "It explains"
+    } else {
+        "With the robot's description calibrated on these runs it explains"
+    };
     let share = explained.map_or(String::new(), |fraction| {
         format!(
-            " It explains {:.0} % of the gap on runs that were not used.",
+            " {explains} {:.0} % of the gap on runs that were not used.",
             100.0 * fraction
         )
     });
     match verdict {
+        Verdict::NoDiscrepancy if !has_references => {
+            "With the robot's description calibrated on these runs twin and measurement agree: nothing is to be named."
+                .to_owned()
+        }
         Verdict::NoDiscrepancy => {
             "Twin and measurement agree as well as in the references: nothing is to be named.".to_owned()
         }

@@ -192,6 +192,12 @@ impl Sensitivities {
             .extend(refused.map(|finalist| (finalist.position, stop.scores[finalist.position].gain)));
     }
 
+    /// Candidates that are not looked at any more.
+    pub fn leave(&mut self, positions: &[usize]) {
+        self.vain
+            .extend(positions.iter().map(|position| (*position, f64::INFINITY)));
+    }
+
     /// A fit came to nothing in an earlier round, and the score promises hardly more now.
     fn is_vain(&self, position: usize, score: f64) -> bool {
         let known = self
