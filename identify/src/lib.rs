@@ -17,6 +17,7 @@ pub mod gap;
 pub mod hypothesis;
 pub mod linear;
 pub mod locate;
+pub mod lost;
 pub mod random;
 pub mod record;
 pub mod report;

@@ -4,6 +4,7 @@ use serde_json::{Value, json};
 use twin::effect::library::LIBRARY;
 use twin::model_document::ModelDocument;
 
+use super::arrived::Answer;
 use super::energy::Energies;
 use super::gap_table::gap_table;
 use super::interval::{NORMAL_95, sizes};
@@ -11,7 +12,7 @@ use super::louder::{louder, share_left};
 use super::verified::{Verified, verified};
 use super::{Case, DiagnoseError, Diagnosis, LIBRARY_VERSION, Taken};
 use crate::fit::with_members;
-use crate::hypothesis::{Hypothesis, Knob, applies};
+use crate::hypothesis::{Hypothesis, Knob, LOST, applies};
 use crate::record::CHANNELS;
 use crate::report::schema::{
     Absorbed, Data, Evidence, FORMAT, ModelReference, NamedEffect, ParameterValue, Rejected, Report, Untestable,
@@ -432,8 +433,18 @@ fn rest(case: &Case, effects: &[NamedEffect], absorbed: &[Absorbed]) -> (Vec<Rej
             .map(|(_, score)| score)
             .collect();
         let sensitivity = own.iter().map(|score| score.sensitivity).fold(0.0, f64::max);
-        if own.is_empty() && entry.name == "command_hold" {
-            untested("lost set-points leave no trace of their own in these channels".to_owned());
+        if entry.name == LOST {
+            match &case.lost {
+                Answer::Untestable(words) => untested(words.clone()),
+                Answer::Rejected(because) => rejected.push(Rejected {
+                    name: entry.name.to_owned(),
+                    because: because.clone(),
+                }),
+                Answer::Agree => rejected.push(Rejected {
+                    name: entry.name.to_owned(),
+                    because: "the wheels answer to the set-points as sent".to_owned(),
+                }),
+            }
         } else if own.is_empty() {
             untested("these runs command nothing that it could act on".to_owned());
         } else if sensitivity < TESTABLE {

@@ -27,9 +27,20 @@ pub(super) fn gap_table(case: &Case, after: &Hypothesis) -> (Vec<Gap>, Option<f6
     if bundles.is_empty() || case.locked.is_empty() {
         return (Vec::new(), None);
     }
+    // What was lost is read from the wheels of these runs as well; before anything is named all was sent that was.
+    let as_sent = if case.arrived.is_empty() {
+        &case.locked
+    } else {
+        &case.locked_as_sent
+    };
+    let known = Known::new(case, &bundles, &as_sent.iter().collect::<Vec<_>>());
     let records: Vec<&Record> = case.locked.iter().collect();
-    let known = Known::new(case, &bundles, &records);
-    gaps(case, &known, &errors(&case.floor, &bundles, &records, after))
+    let arrived: Vec<&Bundle> = records
+        .iter()
+        .zip(&bundles)
+        .map(|(record, bundle)| case.arrived(record, bundle))
+        .collect();
+    gaps(case, &known, &errors(&case.floor, &arrived, &records, after))
 }
 
 /// Part of the gap of the validation runs that each model explains; unknown when there is none to speak of.
@@ -37,7 +48,7 @@ pub(super) fn explained_of_validation(case: &Case, models: &[Hypothesis]) -> Vec
     let runs = case.input.runs.iter().zip(&case.records).zip(&case.roles);
     let (bundles, records): (Vec<_>, Vec<_>) = runs
         .filter(|(_, role)| **role == Role::Validation)
-        .map(|((run, record), _)| (&run.bundle, record))
+        .map(|((run, record), _)| (case.arrived(record, &run.bundle), record))
         .unzip();
     let known = Known::new(case, &bundles, &records);
     let explained = |model| gaps(case, &known, &errors(&case.floor, &bundles, &records, model)).1;

@@ -3,7 +3,7 @@
 use super::Case;
 use super::evenness::Evenness;
 use crate::fit::Fit;
-use crate::hypothesis::Axis;
+use crate::hypothesis::{Axis, LOST};
 use crate::report::schema::{ParameterValue, rounded};
 use crate::select::Finalist;
 
@@ -31,6 +31,11 @@ pub(super) fn sizes(case: &Case, position: usize, finalist: &Finalist) -> Vec<Pa
             .find(|(free, _)| *free == (position, a))
             .map_or(0.0, |(_, scatter)| *scatter);
         let beyond = beyond_noise(axis, *value, case.law_rest, case.taken[position].evenness.as_ref());
+        let fitted = match (member.candidate.entry.name == LOST, axis.carries_size) {
+            (true, true) => case.lost_sigma,
+            (true, false) => 0.0,
+            (false, _) => fitted,
+        };
         let sigma = (fitted * fitted + scatter * scatter + beyond * beyond).sqrt();
         let end = |value: f64| value.is_finite().then(|| rounded(value));
         let known = value.is_finite() && sigma.is_finite();

@@ -1,6 +1,7 @@
 //! From runs to a report and a model version.
 
 mod absorb;
+mod arrived;
 mod assemble;
 mod calibrate;
 mod described;
@@ -14,6 +15,7 @@ mod louder;
 mod loudness;
 mod next;
 mod prepared;
+mod usable;
 mod validation_gap;
 mod verified;
 
@@ -34,11 +36,13 @@ use crate::select::{
 };
 use crate::workers::{Cancelled, Workers};
 use absorb::absorb_one;
+use arrived::{Answer, Question};
 use described::described;
 use energy::Energies;
 use evenness::{Evenness, evenness};
 use louder::Compared;
 use prepared::{Prepared, prepare};
+use usable::{check, usable};
 use validation_gap::{adds_nothing, prefer};
 
 /// Version of the effect library and of this workflow.
@@ -146,9 +150,23 @@ struct Case<'a> {
     located: Located,
     energies: Energies,
     levels: Levels,
+    /// What became of the question whether set-points were lost; the runs as they arrived where they were, by path, the locked ones as
+    /// they were sent, and the standard deviation of the share that was lost.
+    lost: Answer,
+    arrived: Vec<(String, Bundle)>,
+    locked_as_sent: Vec<Record>,
+    lost_sigma: f64,
     /// Names that unused runs spoke against, and what they said.
     withdrawn: Option<(Vec<&'static str>, String)>,
     remarks: Vec<String>,
+}
+
+impl Case<'_> {
+    /// A run with the set-points that arrived, where some were lost.
+    fn arrived<'a>(&'a self, record: &Record, sent: &'a Bundle) -> &'a Bundle {
+        let own = self.arrived.iter().find(|(path, _)| *path == record.name);
+        own.map_or(sent, |(_, bundle)| bundle)
+    }
 }
 
 /// How loud the channels are, run by run, before anything is named and with what was.
@@ -219,76 +237,16 @@ pub fn diagnose(workers: &dyn Workers, input: &Input) -> Result<Diagnosis, Diagn
         located: Located::default(),
         energies: Energies::NOTHING,
         levels: Levels::default(),
+        lost: Answer::Agree,
+        arrived: Vec::new(),
+        locked_as_sent: Vec::new(),
+        lost_sigma: 0.0,
         withdrawn: None,
         remarks,
     };
     search(workers, &mut case, &stages)?;
     workers.progress("report", 0.95);
     assemble::assemble(workers, &mut case)
-}
-
-fn check(input: &Input) -> Result<(), DiagnoseError> {
-    let first = input.runs.first().ok_or(DiagnoseError::NoRuns)?;
-    let expected = &first.bundle.run.robot;
-    for run in input.references.iter().chain(&input.runs).chain(&input.locked) {
-        let found = &run.bundle.run.robot;
-        if found.wheels.len() != expected.wheels.len() {
-            return Err(DiagnoseError::OtherRobot {
-                path: run.path.clone(),
-                other: first.path.clone(),
-                found: found.wheels.len(),
-                expected: expected.wheels.len(),
-            });
-        }
-        if found.chassis != expected.chassis {
-            return Err(DiagnoseError::OtherChassis {
-                path: run.path.clone(),
-                other: first.path.clone(),
-                found: found.chassis.clone(),
-                expected: expected.chassis.clone(),
-            });
-        }
-    }
-    Ok(())
-}
-
-fn usable(runs: &[Run]) -> Result<(Vec<Record>, Vec<String>), DiagnoseError> {
-    let mut records = Vec::new();
-    let mut remarks = Vec::new();
-    for run in runs {
-        let record = Record::of(&run.path, &run.bundle);
-        if record.is_empty() {
-            return Err(DiagnoseError::Unusable { path: run.path.clone() });
-        }
-        if record.outliers > 0 {
-            remarks.push(format!(
-                "{}: {} poses left out as tracker errors",
-                run.path, record.outliers
-            ));
-        }
-        if record.skipped > 0 {
-            remarks.push(format!(
-                "{}: {} windows without enough measurements",
-                run.path, record.skipped
-            ));
-        }
-        if !run.bundle.telemetry.channels.keys().any(|channel| channel.is_command()) {
-            remarks.push(format!(
-                "{}: no set-points: commands, motors and battery are untestable with it",
-                run.path
-            ));
-        } else if !run.bundle.commands_wheels() {
-            remarks.push(format!(
-                "{}: no set-points of the driven wheels: their commands, motors and battery are untestable with it",
-                run.path
-            ));
-        }
-        for remark in &run.bundle.remarks {
-            remarks.push(format!("{}: {} {}", run.path, remark.column, remark.message));
-        }
-        records.push(record);
-    }
-    Ok((records, remarks))
 }
 
 fn knob_stages(knob: &Knob, candidates: &[Candidate]) -> Stages {
@@ -331,6 +289,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
     let mut kept = Sensitivities::default();
     let mut explained = Explained::default();
     let mut stages = stages.to_vec();
+    let mut is_asked_for_losses = false;
     let mut is_described = !case.floor.references.is_empty();
     for number in 0..MOST_EFFECTS + MOST_ABSORBED {
         workers.progress(
@@ -386,8 +345,32 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
         let mut stop = stop;
         prefer(case, &members, &mut stop);
         let Some(accepted) = stop.accepted.filter(|_| members.len() < MOST_EFFECTS) else {
+            let threshold = stop.threshold;
             case.last = Some(stop);
+            if is_described && is_asked_for_losses {
+                break;
+            }
             if is_described {
+                is_asked_for_losses = true;
+                let question = Question {
+                    case,
+                    members: &members,
+                    stages: &stages,
+                    train: &train,
+                    validation: &validation,
+                    references: reference_metric.as_ref(),
+                    threshold,
+                };
+                match question.answer(workers)? {
+                    Ok(found) => {
+                        members.push(found.taken.finalist.member.clone());
+                        (train, validation) = arrived::put(case, *found);
+                        coarse = train.thinned(&case.floor);
+                        kept.outdate();
+                        continue;
+                    }
+                    Err(answer) => case.lost = answer,
+                }
                 break;
             }
             // With what is named in the model the description can be held against the runs, and then there may be more to be seen.

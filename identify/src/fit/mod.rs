@@ -6,7 +6,7 @@ mod slopes;
 use self::search::{Search, TICKS, come_nearer, is_shift, pattern, steps_of_search};
 use self::slopes::{correct, jacobian, made, moved, regularised, scale, told};
 use crate::floor::Metric;
-use crate::hypothesis::{Axis, Candidate, Hypothesis};
+use crate::hypothesis::{Axis, Candidate, Hypothesis, LOST};
 use crate::linear::Square;
 use crate::record::Record;
 
@@ -80,7 +80,8 @@ fn free_axes(members: &[Member]) -> Vec<(usize, usize)> {
         for (a, axis) in member.candidate.axes.iter().enumerate() {
             let fixed_shape = member.candidate.entry.name == "caster_swivel" && !axis.carries_size;
             let foot = member.candidate.entry.name == "lens_distortion" && !axis.carries_size;
-            if member.values[a].is_finite() && !fixed_shape && !foot {
+            let is_lost = member.candidate.entry.name == LOST;
+            if member.values[a].is_finite() && !fixed_shape && !foot && !is_lost {
                 free.push((m, a));
             }
         }

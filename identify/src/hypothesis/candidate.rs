@@ -1,9 +1,10 @@
 //! Candidates: every effect of the library on every wheel it could act on, with the sizes it is tried at.
 
 use twin::effect::Effect;
-use twin::effect::library::{EffectEntry, Hook, LIBRARY, Needs, ParameterEntry};
+use twin::effect::library::{EffectEntry, Hook, LIBRARY, Needs, ParameterEntry, find};
 use twin::robot::RobotDescription;
 
+use super::LOST;
 use crate::record::Stages;
 
 /// One number of a candidate.
@@ -127,7 +128,7 @@ impl Candidate {
 pub fn candidates(robot: &RobotDescription, excitation: &Excitation) -> Vec<Candidate> {
     let mut all = Vec::new();
     for entry in LIBRARY {
-        if !applies(entry, robot) || entry.name == "command_hold" {
+        if !applies(entry, robot) || entry.name == LOST {
             continue;
         }
         let wheels: Vec<Option<usize>> = if entry.indexed {
@@ -144,6 +145,11 @@ pub fn candidates(robot: &RobotDescription, excitation: &Excitation) -> Vec<Cand
         }
     }
     all
+}
+
+/// Set-points that do not arrive, which nothing is screened or fitted for.
+pub fn lost_set_points(robot: &RobotDescription) -> Option<Candidate> {
+    candidate(find(LOST)?, None, robot, &Excitation::default())
 }
 
 /// True when the robot has what the effect acts on.

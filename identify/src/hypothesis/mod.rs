@@ -4,13 +4,16 @@ mod candidate;
 mod knob;
 mod tread;
 
-pub use candidate::{Axis, Candidate, Column, Excitation, Kind, applies, candidates};
+pub use candidate::{Axis, Candidate, Column, Excitation, Kind, applies, candidates, lost_set_points};
 pub use knob::{Knob, knobs, realised};
 pub use tread::TreadKnob;
 
 use twin::effect::Effect;
 use twin::residual::ResidualDocument;
 use twin::robot::{Robot, RobotDescription};
+
+/// The effect of set-points that do not arrive.
+pub const LOST: &str = "command_hold";
 
 /// A model that can be simulated.
 #[derive(Debug, Clone, PartialEq)]
@@ -38,8 +41,15 @@ impl Hypothesis {
         more
     }
 
-    /// The twin; `None` when a number is out of the library's range.
+    /// The twin; `None` when a number is out of the library's range. Which set-points were lost is of a run, not of a model, and a run is
+    /// simulated with those that arrived ([`crate::lost`]): the twin's own dice for [`LOST`] are left out.
     pub fn robot(&self) -> Option<Robot> {
-        Robot::with_model(self.description.clone(), &self.effects, self.residual.as_ref()).ok()
+        let effects: Vec<Effect> = self
+            .effects
+            .iter()
+            .filter(|effect| effect.name != LOST)
+            .cloned()
+            .collect();
+        Robot::with_model(self.description.clone(), &effects, self.residual.as_ref()).ok()
     }
 }

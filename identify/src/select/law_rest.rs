@@ -28,7 +28,7 @@ pub fn energies(metric: &Metric, records: &[Record], residuals: &[Vec<f64>]) -> 
 }
 
 /// Energies that noise alone would have.
-pub(super) fn expected(metric: &Metric) -> Energies {
+pub fn expected(metric: &Metric) -> Energies {
     let mut sums = [0.0; CLASSES];
     for run in 0..metric.run_count() {
         for (sum, expected) in sums.iter_mut().zip(metric.expected_of_classes(run)) {

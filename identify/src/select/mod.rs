@@ -8,6 +8,6 @@ mod round;
 mod split;
 
 pub use evidence::window_energies;
-pub use law_rest::{Energies, Explained, decrease, energies};
+pub use law_rest::{Energies, Explained, decrease, energies, expected};
 pub use round::{Finalist, Round, Sensitivities, Side, Stop, difference, round, slack_of};
 pub use split::{Role, roles};
