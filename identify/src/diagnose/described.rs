@@ -1,12 +1,12 @@
 //! Without references: which numbers of the description the runs contradict. All of them are calibrated on the runs at once, beside what is
 //! named already, each believed as far as a description is; where that is not possible the effect is named.
 
-use super::prepared::{Prepared, prepare};
+use super::prepared::{Prepared, enough, prepare};
 use super::{Case, MOST_EFFECTS, Taken};
 use crate::fit::{Member, Problem, fit, with_members};
 use crate::floor::{Estimate, Floor, Said};
 use crate::hypothesis::{Candidate, Hypothesis, Knob};
-use crate::record::{Record, Stages};
+use crate::record::Stages;
 use crate::screen::all_residuals;
 use crate::select::{Energies, Finalist, Role, decrease, energies};
 use crate::workers::{Cancelled, Workers};
@@ -70,7 +70,7 @@ pub(super) fn described(
         own.map(|(record, _)| record.clone())
     };
     let given = with_members(&case.floor.given, members);
-    let records: Vec<Record> = open(Role::Train).chain(open(Role::Validation)).collect();
+    let records = enough(open(Role::Train).chain(open(Role::Validation)).collect());
     let calibrated = Floor::calibrated(workers, given, knobs.clone(), &open_stages, records)?;
     let is_train: Vec<bool> = calibrated
         .references

@@ -41,7 +41,7 @@ use described::described;
 use energy::Energies;
 use evenness::{Evenness, evenness};
 use louder::Compared;
-use prepared::{Prepared, prepare};
+use prepared::{Prepared, enough, prepare};
 use usable::{check, usable};
 use validation_gap::{adds_nothing, prefer};
 
@@ -215,7 +215,7 @@ pub fn diagnose(workers: &dyn Workers, input: &Input) -> Result<Diagnosis, Diagn
         let train = pairs
             .filter(|(_, role)| **role == Role::Train)
             .map(|(record, _)| record.clone());
-        Floor::told_by_runs(workers, given, knobs, &stages, train.collect())?
+        Floor::told_by_runs(workers, given, knobs, &stages, enough(train.collect()))?
     } else {
         Floor::calibrated(workers, given, knobs, &stages, references)?
     };

@@ -41,22 +41,7 @@ impl Prepared {
 
     /// Windows spread over all runs, about as many as are enough; `None` when there are no more than that.
     pub fn thinned(&self, floor: &Floor) -> Option<Prepared> {
-        let all_s: f64 = self
-            .records
-            .iter()
-            .flat_map(|record| &record.windows)
-            .map(compared_s)
-            .sum();
-        if all_s <= LONG_S {
-            return None;
-        }
-        let every = (all_s / ENOUGH_S).ceil() as usize;
-        let kept: Vec<Vec<bool>> = self
-            .records
-            .iter()
-            .enumerate()
-            .map(|(run, record)| (0..record.windows.len()).map(|k| (k + run) % every == 0).collect())
-            .collect();
+        let kept = spread(&self.records)?;
         let records: Vec<Record> = self
             .records
             .iter()
@@ -77,6 +62,30 @@ impl Prepared {
             sensitivities,
             metric,
         })
+    }
+}
+
+/// Which windows of long runs are enough, spread over all; `None` when there are no more than that.
+fn spread(records: &[Record]) -> Option<Vec<Vec<bool>>> {
+    let windows = records.iter().flat_map(|record| &record.windows);
+    let all_s: f64 = windows.map(compared_s).sum();
+    if all_s <= LONG_S {
+        return None;
+    }
+    let every = (all_s / ENOUGH_S).ceil() as usize;
+    let of = |(run, record): (usize, &Record)| (0..record.windows.len()).map(|k| (k + run) % every == 0).collect();
+    Some(records.iter().enumerate().map(of).collect())
+}
+
+/// The same runs with no more windows than are enough to calibrate on.
+pub(super) fn enough(records: Vec<Record>) -> Vec<Record> {
+    match spread(&records) {
+        Some(kept) => records
+            .iter()
+            .zip(&kept)
+            .map(|(record, kept)| record.with_windows(kept))
+            .collect(),
+        None => records,
     }
 }
 
