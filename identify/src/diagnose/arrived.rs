@@ -22,6 +22,8 @@ const BESIDE_OTHERS: f64 = 0.6;
 const WORTH_WHILE: f64 = 0.1;
 /// Losses that the references seem to have, as a share of the runs', are what is left there of laws.
 const IN_REFERENCES: f64 = 0.35;
+/// A share of less time says nothing, s.
+const LEAST_NAMED_S: f64 = 0.3;
 /// Over so much time at least, s.
 const LEAST_REFERENCES_S: f64 = 1.0;
 /// References that are looked at.
@@ -38,7 +40,9 @@ const ALIKE: f64 = 0.15;
 /// What became of the question.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Answer {
-    /// Not asked: the wheels agree.
+    /// It did not come to that.
+    NotAsked,
+    /// The wheels agree.
     Agree,
     Untestable(String),
     Rejected(String),
@@ -88,6 +92,10 @@ impl Question<'_> {
             calm: healthy.max(1.0) * expected(&side.metric)[WHEEL],
         });
         let model = with_members(&case.floor.model, self.members);
+        if wheels.iter().any(|wheels| wheels.calm <= 0.0) {
+            let words = "no wheel speeds with set-points of their own on training and validation runs".to_owned();
+            return Ok(Err(Answer::Untestable(words)));
+        }
         if self.validation.records.is_empty() || wheels.iter().any(|wheels| wheels.own < OFF * wheels.calm) {
             // Would a loss show? One run tells.
             let first = self.train.records.first().and_then(|record| look(case, record, &model));
@@ -105,23 +113,33 @@ impl Question<'_> {
         let few = [self.train.records.first(), self.validation.records.first()];
         let few: Vec<&Record> = few.into_iter().flatten().collect();
         let first = gathered(workers, few.len(), &|k| look(case, few[k], &model))?;
-        let promised = promised(&first.into_iter().flatten().collect::<Vec<Arrived>>());
-        if promised < WORTH_WHILE {
+        let first: Vec<Arrived> = first.into_iter().flatten().collect();
+        let promised = promised(&first);
+        if !first.is_empty() && promised < WORTH_WHILE {
             return Ok(Err(Answer::Rejected(format!(
                 "set-points that do not arrive would explain {:.0} % of the wheel speeds' errors in the first runs",
                 100.0 * promised.max(0.0)
             ))));
         }
         let runs = gathered(workers, open.len(), &|k| look(case, open[k], &model))?;
-        let Some(runs) = runs.into_iter().collect::<Option<Vec<Arrived>>>() else {
-            let words = "no run has set-points of wheels that can be simulated".to_owned();
+        if runs.iter().all(Option::is_none) {
+            let words = "no run has set-points of wheels over a second that can be simulated".to_owned();
             return Ok(Err(Answer::Untestable(words)));
+        }
+        // A run that says nothing is taken as it was sent.
+        let pairs = runs.into_iter().zip(&open);
+        let runs: Option<Vec<Arrived>> = pairs
+            .map(|(run, record)| run.or_else(|| as_sent(case, record)))
+            .collect();
+        let Some(runs) = runs else {
+            return Ok(Err(Answer::NotAsked));
         };
         let seen = pooled(&runs);
         let gains = match self.gains(&runs, &wheels, &model) {
-            Ok(gains) => gains,
+            Ok(gains) if seen.open_s >= LEAST_NAMED_S => gains,
             Err(_) if seen.open_s < LEAST_S => return Ok(Err(Answer::Untestable(too_little(seen.open_s)))),
             Err(because) => return Ok(Err(Answer::Rejected(because))),
+            Ok(_) => return Ok(Err(Answer::Untestable(too_little(seen.open_s)))),
         };
         let share = seen.lost_s / seen.open_s;
         let few: Vec<&Record> = case.floor.references.iter().take(REFERENCES).collect();
@@ -196,6 +214,16 @@ impl Question<'_> {
         Ok(gains)
     }
 
+    /// The given model loses about as much.
+    fn is_known(&self, share: f64) -> bool {
+        let practical = lost_set_points(&self.case.floor.given.description)
+            .and_then(|candidate| candidate.axes.first().map(|axis| axis.practical));
+        let given = self.case.lost_given.as_ref().map(|effect| effect.value("loss_rate"));
+        given
+            .zip(practical)
+            .is_some_and(|(given, practical)| (share - given).abs() < TINY * practical)
+    }
+
     fn found(
         &self,
         workers: &dyn Workers,
@@ -245,7 +273,7 @@ impl Question<'_> {
             validation: prepared(validation)?,
             sigma: (share * (1.0 - share) / bursts).sqrt(),
             taken: Taken {
-                tiny: finalist.size < TINY,
+                tiny: finalist.size < TINY || self.is_known(share),
                 finalist,
                 alternatives: Vec::new(),
                 excluded: Vec::new(),
@@ -254,6 +282,15 @@ impl Question<'_> {
             },
             runs: runs.into_iter().chain(locked).collect(),
         })))
+    }
+}
+
+/// The name is dropped: runs are what was sent.
+pub(super) fn take_back(case: &mut Case) {
+    if !case.arrived.is_empty() {
+        case.locked = core::mem::take(&mut case.locked_as_sent);
+        case.arrived.clear();
+        case.lost = Answer::Rejected("was found, but too little of the gap is explained with it".to_owned());
     }
 }
 
@@ -292,6 +329,18 @@ fn look(case: &Case, record: &Record, model: &Hypothesis) -> Option<Arrived> {
     let mut runs = input.runs.iter().chain(&input.locked).chain(&input.references);
     let run: &Run = runs.find(|run| run.path == record.name)?;
     arrived(&run.path, &run.bundle, model, &case.floor.noise)
+}
+
+/// A run in which nothing was looked for.
+fn as_sent(case: &Case, record: &Record) -> Option<Arrived> {
+    let run = case.input.runs.iter().find(|run| run.path == record.name)?;
+    Some(Arrived {
+        bundle: run.bundle.clone(),
+        record: record.clone(),
+        spans: Vec::new(),
+        seen: Seen::default(),
+        wheels: [0.0; 2],
+    })
 }
 
 /// Share of the energy of the wheels that is gone, costs taken off.

@@ -17,6 +17,8 @@ const CONTRADICTED: f64 = 16.0;
 const SIZE: f64 = 1.0;
 const SURE_SIZE: f64 = 0.7;
 const NORMAL_95: f64 = 1.645;
+/// The same of training and of validation runs alone: 95 % of what chance gives.
+const GAIN_OF_A_HALF: f64 = 3.84;
 /// Share of the value that training and validation runs find alone, at least; a single run tells less.
 const IN_EACH_HALF: f64 = 0.5;
 const IN_A_RUN: f64 = 0.3;
@@ -121,7 +123,9 @@ pub(super) fn described(
     train.renew(workers, &floor, &model)?;
     validation.renew(workers, &floor, &model)?;
     case.taken.extend(taken);
-    case.floor = floor;
+    let tyres = core::mem::replace(&mut case.floor, floor).tyres();
+    case.remarks.retain(|remark| Some(remark) != tyres.as_ref());
+    case.remarks.extend(case.floor.tyres());
     Ok(Some(Described {
         members: joint.members,
         stages: left_stages,
@@ -216,6 +220,13 @@ impl Choice<'_> {
         if !halves.iter().all(|half| bears_out(half, IN_EACH_HALF)) {
             return None;
         }
+        let gains = [true, false].map(|train| {
+            let believed = of(&mut half(train), free);
+            self.said.gain(&believed, own)
+        });
+        if gains.iter().any(|gain| *gain < GAIN_OF_A_HALF) {
+            return None;
+        }
         let runs = 0..self.said.len();
         let agreeing = runs.filter(|run| bears_out(&of(&mut core::iter::once(*run), &with), IN_A_RUN));
         let stability = agreeing.count() as f64 / self.said.len() as f64;
@@ -231,10 +242,6 @@ impl Choice<'_> {
             })
             .collect();
         let values = values?;
-        let gains = [true, false].map(|train| {
-            let believed = of(&mut half(train), free);
-            self.said.gain(&believed, own)
-        });
         Some(Finalist {
             position: self.groups[group].position,
             size: candidate.size(&values),

@@ -21,12 +21,13 @@ mod verified;
 
 pub use calibrate::{calibrated, calibrated_floor};
 
+use twin::effect::Effect;
 use twin::model_document::ModelDocument;
 
 use crate::bundle::Bundle;
 use crate::fit::{Fit, Member, Problem, fit, with_members};
 use crate::floor::{Floor, Metric};
-use crate::hypothesis::{Candidate, Hypothesis, Knob, candidates, knobs};
+use crate::hypothesis::{Candidate, Hypothesis, Knob, LOST, candidates, knobs};
 use crate::locate::{Located, locate};
 use crate::record::{Record, Stages};
 use crate::report::Report;
@@ -153,6 +154,8 @@ struct Case<'a> {
     /// What became of the question whether set-points were lost; the runs as they arrived where they were, by path, the locked ones as
     /// they were sent, and the standard deviation of the share that was lost.
     lost: Answer,
+    /// What the given model says of it.
+    lost_given: Option<Effect>,
     arrived: Vec<(String, Bundle)>,
     locked_as_sent: Vec<Record>,
     lost_sigma: f64,
@@ -185,12 +188,16 @@ pub fn diagnose(workers: &dyn Workers, input: &Input) -> Result<Diagnosis, Diagn
         .model
         .as_ref()
         .map_or_else(|| input.runs[0].bundle.run.robot.clone(), |model| model.robot.clone());
+    let effects = input
+        .model
+        .as_ref()
+        .map_or_else(Vec::new, |model| model.effects.clone());
+    // Which set-points are lost is asked of each run anew.
+    let (lost_given, effects): (Vec<Effect>, Vec<Effect>) = effects.into_iter().partition(|effect| effect.name == LOST);
+    let lost_given = lost_given.into_iter().next();
     let given = Hypothesis {
         description: description.clone(),
-        effects: input
-            .model
-            .as_ref()
-            .map_or_else(Vec::new, |model| model.effects.clone()),
+        effects,
         residual: input.model.as_ref().and_then(|model| model.residual.clone()),
     };
     if let Err(problem) =
@@ -237,7 +244,8 @@ pub fn diagnose(workers: &dyn Workers, input: &Input) -> Result<Diagnosis, Diagn
         located: Located::default(),
         energies: Energies::NOTHING,
         levels: Levels::default(),
-        lost: Answer::Agree,
+        lost: Answer::NotAsked,
+        lost_given,
         arrived: Vec::new(),
         locked_as_sent: Vec::new(),
         lost_sigma: 0.0,
@@ -347,7 +355,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
         let Some(accepted) = stop.accepted.filter(|_| members.len() < MOST_EFFECTS) else {
             let threshold = stop.threshold;
             case.last = Some(stop);
-            if is_described && is_asked_for_losses {
+            if is_described && (is_asked_for_losses || members.len() >= MOST_EFFECTS) {
                 break;
             }
             if is_described {

@@ -7,7 +7,8 @@ mod spans;
 
 pub use response::StepResponse;
 pub use rewrite::without;
-pub use spans::{COST, Lost, Seen, Sent, lost};
+use spans::is_among;
+pub use spans::{COST, Lost, Seen, Sent, lost, seen};
 
 use crate::bundle::Bundle;
 use crate::floor::NoiseModel;
@@ -52,21 +53,20 @@ pub fn arrived(name: &str, bundle: &Bundle, model: &Hypothesis, noise: &NoiseMod
     let as_sent = energy(&record, &residual);
     let mut found = bundle.clone();
     let mut spans: Vec<Lost> = Vec::new();
-    let mut seen = Seen::default();
     for _ in 0..PASSES {
         let more = lost(&record, &residual, &weights, &sent, &spans, &response);
-        if more.spans == spans {
+        if more == spans {
             break;
         }
-        let trial = without(bundle, &more.spans);
+        let trial = without(bundle, &more);
         let trial_record = Record::of(name, &trial);
         let trial_residual = simulate(&trial_record)?;
         if trial_residual.len() != residual.len() {
             break;
         }
         // Wheels that slip are not linear: what does not help where it is was none.
-        let helps = helping(&record, &residual, &trial_residual, &weights, &more.spans, &spans);
-        let (trial, trial_record, trial_residual) = if helps == more.spans {
+        let helps = helping(&record, &residual, &trial_residual, &weights, &more, &spans);
+        let (trial, trial_record, trial_residual) = if helps == more {
             (trial, trial_record, trial_residual)
         } else {
             let trial = without(bundle, &helps);
@@ -74,9 +74,13 @@ pub fn arrived(name: &str, bundle: &Bundle, model: &Hypothesis, noise: &NoiseMod
             let trial_residual = simulate(&trial_record)?;
             (trial, trial_record, trial_residual)
         };
-        (spans, seen) = (helps, more.seen);
+        if trial_residual.len() != residual.len() {
+            break;
+        }
+        spans = helps;
         (found, record, residual) = (trial, trial_record, trial_residual);
     }
+    let seen = seen(&record, &weights, &sent, &spans, &response);
     Some(Arrived {
         wheels: [as_sent, energy(&record, &residual)],
         bundle: found,
@@ -95,7 +99,7 @@ fn helping(
     spans: &[Lost],
     known: &[Lost],
 ) -> Vec<Lost> {
-    let mut kept = spans.to_vec();
+    let mut kept = vec![true; spans.len()];
     let mut from = 0;
     for window in &record.windows {
         let cells = window.drive.cells.iter().enumerate();
@@ -103,12 +107,14 @@ fn helping(
         let gain: f64 = wheels
             .map(|(k, _)| weights[from + k] * (before[from + k] * before[from + k] - after[from + k] * after[from + k]))
             .sum();
-        let is_new = |span: &Lost| span.from_s >= window.from_s && span.from_s < window.to_s && !known.contains(span);
-        let new = kept.iter().filter(|span| is_new(span)).count();
-        if gain < HELPS * COST * new as f64 {
-            kept.retain(|span| !is_new(span));
+        let position = |time_s: f64| spans.partition_point(|span| span.from_s < time_s);
+        let here = position(window.from_s)..position(window.to_s);
+        let new: Vec<usize> = here.filter(|k| !is_among(known, &spans[*k])).collect();
+        if gain < HELPS * COST * new.len() as f64 {
+            new.into_iter().for_each(|k| kept[k] = false);
         }
         from += window.drive.len() + window.rolling.as_ref().map_or(0, Chain::len);
     }
-    kept
+    let pairs = spans.iter().zip(kept);
+    pairs.filter(|(_, kept)| *kept).map(|(span, _)| *span).collect()
 }

@@ -5,7 +5,7 @@ use twin::replay::HeldCommand;
 
 use super::StepResponse;
 use crate::bundle::Bundle;
-use crate::record::{Cell, Quantity, Record};
+use crate::record::{Cell, Chain, Quantity, Record, Window};
 
 /// Energy that a span costs: twice the logarithm of the number of spans that it could be.
 pub const COST: f64 = 15.0;
@@ -18,6 +18,8 @@ const ENDS: [(isize, isize); 6] = [(-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (
 const MOST_MOVES: usize = 12;
 /// Length by which it is told when a loss would be seen, s.
 const USUAL_S: f64 = 0.05;
+/// Set-points further apart than this say nothing of losses between them, s.
+const LONGEST_STEP_S: f64 = 0.2;
 /// Losses before a window's comparison that still show in it, s, and time after which one does not any more.
 const BEFORE_S: f64 = 0.3;
 const AFTER_S: f64 = 0.6;
@@ -54,13 +56,6 @@ pub struct Seen {
 pub struct Sent {
     time_s: Vec<f64>,
     wheel_rad_per_s: Vec<[f64; MAX_WHEELS]>,
-}
-
-/// What was found.
-#[derive(Debug, Clone, Default)]
-pub struct Found {
-    pub spans: Vec<Lost>,
-    pub seen: Seen,
 }
 
 impl Sent {
@@ -122,7 +117,7 @@ struct Search<'a> {
     cells: Vec<Left>,
 }
 
-/// Spans known before and new ones.
+/// Spans known before and new ones, in the order of time.
 ///
 /// - `residual`, `weights`: of the record, under the spans known before.
 pub fn lost(
@@ -132,14 +127,96 @@ pub fn lost(
     sent: &Sent,
     known: &[Lost],
     response: &StepResponse,
-) -> Found {
-    let mut found = Found {
-        spans: known.to_vec(),
-        seen: Seen::default(),
-    };
+) -> Vec<Lost> {
+    let mut spans = known.to_vec();
     let mut from = 0;
     for window in &record.windows {
-        let cells = window.drive.cells.iter().zip(&residual[from..]).zip(&weights[from..]);
+        let mut search = Search::of(window, &residual[from..], &weights[from..], sent, response);
+        let range = near(&spans, window);
+        let mut own = spans[range.clone()].to_vec();
+        // What the window before has just found is not in the residual yet.
+        for span in own.iter().filter(|span| !is_among(known, span)) {
+            let others: Vec<Lost> = own.iter().copied().filter(|other| other != span).collect();
+            search.take(*span, &others, 1.0);
+        }
+        search.withdraw(&mut own, window.from_s, window.to_s);
+        let starts = search.starts(window);
+        for _ in 0..MOST_A_WINDOW {
+            let Some(span) = search.best(starts.clone(), &own) else {
+                break;
+            };
+            search.take(span, &own, 1.0);
+            own.push(span);
+        }
+        own.sort_by(|a, b| a.from_s.total_cmp(&b.from_s));
+        spans.splice(range, own);
+        from += window.drive.len() + window.rolling.as_ref().map_or(0, Chain::len);
+    }
+    spans
+}
+
+/// How long losses would be seen in a record, and how long there were some.
+///
+/// - `spans`: in the order of time.
+pub fn seen(record: &Record, weights: &[f64], sent: &Sent, spans: &[Lost], response: &StepResponse) -> Seen {
+    let mut seen = Seen::default();
+    let mut from = 0;
+    let nothing = vec![0.0; weights.len()];
+    for window in &record.windows {
+        let search = Search::of(window, &nothing[from..], &weights[from..], sent, response);
+        let own = &spans[near(spans, window)];
+        let starts = search.starts(window);
+        let as_sent = sent.acted(&[], &starts);
+        for start in starts {
+            let time_s = sent.time_s[start];
+            let step_s = time_s - sent.time_s[start - 1];
+            let is_told = !is_unchanged(&sent.wheel_rad_per_s[start - 1], &sent.wheel_rad_per_s[start]);
+            if time_s < window.from_s || step_s > LONGEST_STEP_S || !is_told {
+                continue;
+            }
+            let change = search.change(start, search.end(start, USUAL_S), &as_sent);
+            let shown: f64 = change
+                .iter()
+                .map(|(cell, value)| search.cells[*cell].weight * value * value)
+                .sum();
+            if shown > SURELY_SEEN * COST {
+                seen.open_s += step_s;
+                if own.iter().any(|span| span.has(time_s)) {
+                    seen.lost_s += step_s;
+                }
+            }
+        }
+        from += window.drive.len() + window.rolling.as_ref().map_or(0, Chain::len);
+    }
+    seen
+}
+
+/// - `spans`: in the order of time.
+pub(super) fn is_among(spans: &[Lost], span: &Lost) -> bool {
+    let found = spans.binary_search_by(|other| other.from_s.total_cmp(&span.from_s));
+    found.is_ok_and(|found| spans[found] == *span)
+}
+
+/// Which spans can matter to a window.
+fn near(spans: &[Lost], window: &Window) -> core::ops::Range<usize> {
+    let position = |time_s: f64| spans.partition_point(|span| span.from_s < time_s);
+    position(window.from_s - BEFORE_S - MEMORY_S)..position(window.to_s)
+}
+
+fn is_unchanged(one: &[f64; MAX_WHEELS], other: &[f64; MAX_WHEELS]) -> bool {
+    one.iter().zip(other).all(|(a, b)| (a - b).abs() < UNCHANGED_RAD_PER_S)
+}
+
+impl<'a> Search<'a> {
+    /// - `residual`, `weights`: from the window's first on.
+    fn of(
+        window: &Window,
+        residual: &[f64],
+        weights: &[f64],
+        sent: &'a Sent,
+        response: &'a StepResponse,
+    ) -> Search<'a> {
+        let cells = window.drive.cells.iter().zip(residual).zip(weights);
         let left = |((cell, residual), weight): ((&Cell, &f64), &f64)| match cell.quantity {
             Quantity::Wheel(wheel) => Some(Left {
                 time_s: cell.time_s,
@@ -149,55 +226,19 @@ pub fn lost(
             }),
             _ => None,
         };
-        let mut search = Search {
+        Search {
             sent,
             response,
             cells: cells.filter_map(left).collect(),
-        };
-        search.withdraw(&mut found.spans, window.from_s, window.to_s);
-        let range = |from_s: f64| sent.time_s.partition_point(|time_s| *time_s < from_s);
-        let starts = range(window.from_s - BEFORE_S).max(1)..range(window.to_s);
-        for _ in 0..MOST_A_WINDOW {
-            let Some(span) = search.best(starts.clone(), &found.spans) else {
-                break;
-            };
-            search.take(span, &found.spans, 1.0);
-            found.spans.push(span);
         }
-        let as_sent = sent.acted(&[], &starts);
-        let mut last_s = sent.time_s.get(starts.start.saturating_sub(1)).copied().unwrap_or(0.0);
-        for start in starts {
-            let time_s = sent.time_s[start];
-            let step_s = time_s - last_s;
-            last_s = time_s;
-            let is_told = !is_unchanged(&sent.wheel_rad_per_s[start - 1], &sent.wheel_rad_per_s[start]);
-            if time_s < window.from_s || step_s > USUAL_S || !is_told {
-                continue;
-            }
-            let end = search.end(start, USUAL_S);
-            let change = search.change(start, end, &as_sent);
-            let shown: f64 = change
-                .iter()
-                .map(|(cell, value)| search.cells[*cell].weight * value * value)
-                .sum();
-            if shown > SURELY_SEEN * COST {
-                found.seen.open_s += step_s;
-                if found.spans.iter().any(|span| span.has(time_s)) {
-                    found.seen.lost_s += step_s;
-                }
-            }
-        }
-        from += window.drive.len() + window.rolling.as_ref().map_or(0, crate::record::Chain::len);
     }
-    found.spans.sort_by(|a, b| a.from_s.total_cmp(&b.from_s));
-    found
-}
 
-fn is_unchanged(one: &[f64; MAX_WHEELS], other: &[f64; MAX_WHEELS]) -> bool {
-    one.iter().zip(other).all(|(a, b)| (a - b).abs() < UNCHANGED_RAD_PER_S)
-}
+    /// Set-points whose loss could show in a window.
+    fn starts(&self, window: &Window) -> core::ops::Range<usize> {
+        let position = |from_s: f64| self.sent.time_s.partition_point(|time_s| *time_s < from_s);
+        position(window.from_s - BEFORE_S).max(1)..position(window.to_s)
+    }
 
-impl Search<'_> {
     /// First set-point after so much time.
     fn end(&self, start: usize, length_s: f64) -> usize {
         let to_s = self.sent.time_s[start] + length_s - 1e-6;
