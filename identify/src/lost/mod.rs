@@ -17,6 +17,8 @@ use crate::record::{Chain, Quantity, Record, Stages, residuals};
 
 /// Times that losses are looked for in what the ones found before leave.
 const PASSES: usize = 4;
+/// Time for which a span shows, s.
+const SHOWS_S: f64 = 0.6;
 /// Part of its cost that a new span must gain when it is simulated.
 const HELPS: f64 = 0.7;
 
@@ -100,6 +102,7 @@ fn helping(
     known: &[Lost],
 ) -> Vec<Lost> {
     let mut kept = vec![true; spans.len()];
+    let mut gain_before = 0.0;
     let mut from = 0;
     for window in &record.windows {
         let cells = window.drive.cells.iter().enumerate();
@@ -108,11 +111,19 @@ fn helping(
             .map(|(k, _)| weights[from + k] * (before[from + k] * before[from + k] - after[from + k] * after[from + k]))
             .sum();
         let position = |time_s: f64| spans.partition_point(|span| span.from_s < time_s);
-        let here = position(window.from_s)..position(window.to_s);
-        let new: Vec<usize> = here.filter(|k| !is_among(known, &spans[*k])).collect();
-        if gain < HELPS * COST * new.len() as f64 {
-            new.into_iter().for_each(|k| kept[k] = false);
+        let is_new = |k: &usize| !is_among(known, &spans[*k]);
+        let here: Vec<usize> = (position(window.from_s)..position(window.to_s))
+            .filter(is_new)
+            .collect();
+        if gain < HELPS * COST * here.len() as f64 {
+            here.into_iter().for_each(|k| kept[k] = false);
         }
+        // What is worse may have come just before it, if that has not gained more there.
+        if gain < -COST && gain + gain_before < 0.0 {
+            let shortly_before = position(window.from_s - SHOWS_S)..position(window.from_s);
+            shortly_before.filter(is_new).for_each(|k| kept[k] = false);
+        }
+        gain_before = gain;
         from += window.drive.len() + window.rolling.as_ref().map_or(0, Chain::len);
     }
     let pairs = spans.iter().zip(kept);
