@@ -11,6 +11,7 @@ use plant::replayed::{of_the_twin, of_the_twin_with};
 use plant::{Change, robot, run};
 use threads::Threads;
 use twin::effect::Effect;
+use twin::model_document::ModelDocument;
 
 const CHASSIS: &str = "diff2";
 const SECONDS: usize = 20;
@@ -58,19 +59,51 @@ fn lossy() -> [Effect; 1] {
     )]
 }
 
-#[test]
-fn lost_set_points_are_named_with_their_share_and_length() {
+/// Healthy references, and runs of which set-points are lost.
+fn lossy_runs() -> (Vec<Run>, Vec<Run>) {
     let references = (0..4).map(|k| of_the_twin(driven(&format!("reference-{k}"), 500 + k, true), robot(CHASSIS), k));
     let runs = (0..6).map(|k| {
         let sent = driven(&format!("run-{k}"), 600 + k, false);
         of_the_twin_with(sent, robot(CHASSIS), &lossy(), 10 + k)
     });
-    let runs: Vec<Run> = runs.collect();
+    (references.collect(), runs.collect())
+}
+
+/// A model that loses about as many already: no news, and not twice.
+#[test]
+fn losses_that_the_model_has_are_no_name() {
+    let (references, runs) = lossy_runs();
+    let known = Effect::new("command_hold", &[("loss_rate", 0.1), ("burst", BURST_S)]);
+    let model = ModelDocument::new(None, robot(CHASSIS), "lab", vec![known.clone()], serde_json::json!({}));
+    let input = Input {
+        references,
+        runs,
+        locked: Vec::new(),
+        model: Some(model),
+        seed: 1,
+    };
+    let found = diagnose(&Threads(2), &input).unwrap_or_else(|error| panic!("{error}"));
+    let report = &found.report;
+    assert_eq!(report.verdict, Verdict::NoDiscrepancy, "{:?}", report.remarks);
+    assert!(report.effects.is_empty());
+    assert!(report.absorbed.iter().any(|absorbed| absorbed.name == "command_hold"));
+    let handed_on: Vec<&Effect> = found
+        .model
+        .effects
+        .iter()
+        .filter(|effect| effect.name == "command_hold")
+        .collect();
+    assert_eq!(handed_on, [&known]);
+}
+
+#[test]
+fn lost_set_points_are_named_with_their_share_and_length() {
+    let (references, runs) = lossy_runs();
     let changed: Vec<(u32, u32)> = runs.iter().map(told_and_gone).collect();
     let of = |part: fn(&(u32, u32)) -> u32| f64::from(changed.iter().map(part).sum::<u32>());
     let true_share = of(|run| run.1) / of(|run| run.0);
     let input = Input {
-        references: references.collect(),
+        references,
         runs,
         locked: Vec::new(),
         model: None,

@@ -110,26 +110,32 @@ impl Question<'_> {
         workers.progress("lost set-points", 0.85);
         let open: Vec<&Record> = self.train.records.iter().chain(&self.validation.records).collect();
         // One run of each side says whether it is worth while.
-        let few = [self.train.records.first(), self.validation.records.first()];
-        let few: Vec<&Record> = few.into_iter().flatten().collect();
-        let first = gathered(workers, few.len(), &|k| look(case, few[k], &model))?;
-        let first: Vec<Arrived> = first.into_iter().flatten().collect();
-        let promised = promised(&first);
-        if !first.is_empty() && promised < WORTH_WHILE {
-            return Ok(Err(Answer::Rejected(format!(
-                "set-points that do not arrive would explain {:.0} % of the wheel speeds' errors in the first runs",
-                100.0 * promised.max(0.0)
-            ))));
+        let (few, others): (Vec<usize>, Vec<usize>) =
+            (0..open.len()).partition(|k| [0, self.train.records.len()].contains(k));
+        let looked =
+            |positions: &[usize]| gathered(workers, positions.len(), &|k| look(case, open[positions[k]], &model));
+        let first = looked(&few)?;
+        if first.iter().any(Option::is_some) {
+            let promised = promised(first.iter().flatten());
+            if promised < WORTH_WHILE {
+                return Ok(Err(Answer::Rejected(format!(
+                    "set-points that do not arrive would explain {:.0} % of the wheel speeds' errors in the first runs",
+                    100.0 * promised.max(0.0)
+                ))));
+            }
         }
-        let runs = gathered(workers, open.len(), &|k| look(case, open[k], &model))?;
-        if runs.iter().all(Option::is_none) {
+        let mut runs: Vec<(usize, Option<Arrived>)> = few.into_iter().zip(first).collect();
+        let rest = looked(&others)?;
+        runs.extend(others.into_iter().zip(rest));
+        if runs.iter().all(|(_, run)| run.is_none()) {
             let words = "no run has set-points of wheels over a second that can be simulated".to_owned();
             return Ok(Err(Answer::Untestable(words)));
         }
+        runs.sort_by_key(|(k, _)| *k);
         // A run that says nothing is taken as it was sent.
-        let pairs = runs.into_iter().zip(&open);
-        let runs: Option<Vec<Arrived>> = pairs
-            .map(|(run, record)| run.or_else(|| as_sent(case, record)))
+        let runs: Option<Vec<Arrived>> = runs
+            .into_iter()
+            .map(|(k, run)| run.or_else(|| as_sent(case, open[k])))
             .collect();
         let Some(runs) = runs else {
             return Ok(Err(Answer::NotAsked));
@@ -344,9 +350,9 @@ fn as_sent(case: &Case, record: &Record) -> Option<Arrived> {
 }
 
 /// Share of the energy of the wheels that is gone, costs taken off.
-fn promised(runs: &[Arrived]) -> f64 {
-    let [sent, arrived] = [0, 1].map(|k| runs.iter().map(|run| run.wheels[k]).sum::<f64>());
-    let cost = COST * runs.iter().map(|run| run.spans.len()).sum::<usize>() as f64;
+fn promised<'a>(runs: impl Iterator<Item = &'a Arrived> + Clone) -> f64 {
+    let [sent, arrived] = [0, 1].map(|k| runs.clone().map(|run| run.wheels[k]).sum::<f64>());
+    let cost = COST * runs.map(|run| run.spans.len()).sum::<usize>() as f64;
     (sent - arrived - cost) / sent.max(1e-9)
 }
 

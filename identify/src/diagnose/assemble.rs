@@ -153,8 +153,13 @@ fn unproven(verdict: Verdict) -> Verdict {
 fn verdict(case: &Case) -> Verdict {
     let levels = &case.levels;
     let Energies { all, quiet } = &case.energies;
-    // Without references the description was calibrated on these runs, and what that leaves counts.
-    let real = if case.floor.references.is_empty() {
+    // Without references the description was calibrated on these runs, and what that leaves counts; of losses that are no news, what they leave,
+    // as of names.
+    let real = if !case.arrived.is_empty() {
+        let louder = louder(&levels.after);
+        let is_loud = louder.is_some_and(|louder| share_left(&levels.before, &levels.after, louder.class) > REST);
+        is_loud || all.after > all.limit && all.left() > REST
+    } else if case.floor.references.is_empty() {
         all.after > all.limit || louder(&levels.after).is_some()
     } else {
         all.before > all.limit || louder(&levels.before).is_some()

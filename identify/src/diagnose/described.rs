@@ -357,6 +357,22 @@ mod tests {
         assert_eq!(names(&lab.named(&[("track_width", [6.0, 6.0, -3.0, -3.0])])), [""; 0]);
     }
 
+    /// Validation runs that tell next to nothing may say anything.
+    #[test]
+    fn a_half_that_says_nothing_bears_nothing_out() {
+        let lab = Lab::new();
+        let knob = lab.knob("track_width");
+        let run = |told: f64| {
+            let (mut information, mut score) = (Square::zero(lab.knobs.len()), vec![0.0; lab.knobs.len()]);
+            information.add(knob, knob, told);
+            score[knob] = told * 4.0;
+            (information, score)
+        };
+        let runs = |validation: f64| [INFORMATION, INFORMATION, validation, validation].map(run).to_vec();
+        assert_eq!(names(&lab.chosen(runs(0.01))), [""; 0]);
+        assert_eq!(names(&lab.chosen(runs(INFORMATION))), ["track_width"]);
+    }
+
     /// A servo faster than none.
     #[test]
     fn what_no_effect_can_be_is_calibration() {

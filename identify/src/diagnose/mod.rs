@@ -499,7 +499,10 @@ fn finish(
         for (taken, member) in case.taken.iter_mut().zip(&fit.members) {
             taken.finalist.member = member.clone();
             taken.finalist.size = member.candidate.size(&member.values);
-            taken.tiny = taken.finalist.size < TINY;
+            // What a model says of losses already is no news whatever its size.
+            if member.candidate.entry.name != LOST {
+                taken.tiny = taken.finalist.size < TINY;
+            }
         }
         let after = with_members(&case.floor.model, &fit.members);
         let records: Vec<&Record> = both.records.iter().collect();

@@ -44,12 +44,12 @@ impl Hypothesis {
     /// The twin; `None` when a number is out of the library's range. Which set-points were lost is of a run, not of a model, and a run is
     /// simulated with those that arrived ([`crate::lost`]): the twin's own dice for [`LOST`] are left out.
     pub fn robot(&self) -> Option<Robot> {
-        let effects: Vec<Effect> = self
-            .effects
-            .iter()
-            .filter(|effect| effect.name != LOST)
-            .cloned()
-            .collect();
-        Robot::with_model(self.description.clone(), &effects, self.residual.as_ref()).ok()
+        let with =
+            |effects: &[Effect]| Robot::with_model(self.description.clone(), effects, self.residual.as_ref()).ok();
+        if self.effects.iter().all(|effect| effect.name != LOST) {
+            return with(&self.effects);
+        }
+        let others = self.effects.iter().filter(|effect| effect.name != LOST);
+        with(&others.cloned().collect::<Vec<Effect>>())
     }
 }
