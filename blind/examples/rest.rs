@@ -1,10 +1,11 @@
 //! What is left of a set once its true effect is in the model: the windows of runs and references that are loudest by the references' noise, and
 //! on which channels.
 //!
-//! `cargo run --release -p blind --example rest -- SEED NUMBER...`: sets of one effect, as `--kind single` numbers them.
+//! `cargo run --release -p blind --example rest -- [KIND] SEED NUMBER...`: sets of one effect, as `--kind KIND` (`single` when absent) numbers them.
 
 use blind::kind::Kind;
 use blind::set::{Set, Wish};
+use clap::ValueEnum;
 use identify::diagnose::calibrated_floor;
 use identify::floor::Floor;
 use identify::hypothesis::Hypothesis;
@@ -29,6 +30,50 @@ fn windows(floor: &Floor, record: &Record, model: &Hypothesis) -> Vec<[(f64, usi
         }
     }
     sums
+}
+
+/// Energy of a cell over the noise where references reach and beyond, by how far.
+fn by_activity(floor: &Floor, records: &[Record], model: &Hypothesis, class: usize, name: &str) {
+    let noise = &floor.noise.classes[class];
+    let mut bins: [(f64, usize, Vec<f64>); 4] = Default::default();
+    for record in records {
+        let Some(residual) = residuals(record, model, Stages::BOTH, None) else {
+            continue;
+        };
+        let places = record.places();
+        for ((place, activity), value) in places.iter().zip(record.activities()).zip(&residual) {
+            if place.quantity.is_some_and(|quantity| quantity.class() == class) {
+                let far = activity / noise.reach.max(1e-9);
+                let bin = [0.3, 1.0, 2.0].iter().filter(|edge| far > **edge).count();
+                let square = value * value / noise.at(activity);
+                bins[bin].0 += square;
+                bins[bin].1 += 1;
+                bins[bin].2.push(square);
+            }
+        }
+    }
+    let words: Vec<String> = bins
+        .iter_mut()
+        .filter(|bin| bin.1 > 0)
+        .map(|(sum, count, squares)| {
+            squares.sort_by(f64::total_cmp);
+            format!(
+                "{:.2} ({:.2}; {count})",
+                *sum / *count as f64,
+                squares[*count / 2] / 0.455
+            )
+        })
+        .collect();
+    if !words.is_empty() {
+        println!(
+            "    {name}: reach {:.3}, level {:.2e} slope {:.2e} beyond {:.2e}; mean (median) to 0.3, 1, 2, more of it: {}",
+            noise.reach,
+            noise.level,
+            noise.slope,
+            noise.beyond,
+            words.join(", ")
+        );
+    }
 }
 
 fn show(floor: &Floor, records: &[Record], model: &Hypothesis) {
@@ -73,6 +118,9 @@ fn show(floor: &Floor, records: &[Record], model: &Hypothesis) {
         .map(|(total, name)| format!("{name} {:.2}", total.0 / total.1 as f64))
         .collect();
     println!("  energy of a cell by channel: {}", shares.join(" "));
+    for (class, name) in CHANNELS.iter().enumerate() {
+        by_activity(floor, records, model, class, name);
+    }
     all.sort_by(|a, b| b.0.total_cmp(&a.0));
     for (excess, words) in all.iter().take(SHOWN) {
         println!("    {excess:+8.0} {words}");
@@ -80,10 +128,14 @@ fn show(floor: &Floor, records: &[Record], model: &Hypothesis) {
 }
 
 fn main() -> anyhow::Result<()> {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let mut arguments: Vec<String> = std::env::args().skip(1).collect();
+    let named = arguments.first().and_then(|text| Kind::from_str(text, true).ok());
+    if named.is_some() {
+        arguments.remove(0);
+    }
     let seed: u64 = arguments.first().map_or(Ok(1), |text| text.parse())?;
     let wish = Wish {
-        kind: Some(Kind::Single),
+        kind: Some(named.unwrap_or(Kind::Single)),
         ..Wish::standard()
     };
     for number in arguments.iter().skip(1) {

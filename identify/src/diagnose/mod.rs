@@ -216,15 +216,20 @@ pub fn diagnose(workers: &dyn Workers, input: &Input) -> Result<Diagnosis, Diagn
     workers.progress("calibrate", 0.05);
     let liveliness: Vec<f64> = records.iter().map(|record| record.largest_command_rad_per_s).collect();
     let roles = roles(&liveliness, !input.locked.is_empty());
+    let train = records.iter().zip(&roles).filter(|(_, role)| **role == Role::Train);
+    let train: Vec<Record> = train.map(|(record, _)| record.clone()).collect();
     let floor = if references.is_empty() {
         remarks.push("no references: the robot description and its noise are taken at their word".to_owned());
-        let pairs = records.iter().zip(&roles);
-        let train = pairs
-            .filter(|(_, role)| **role == Role::Train)
-            .map(|(record, _)| record.clone());
-        Floor::told_by_runs(workers, given, knobs, &stages, enough(train.collect()))?
+        Floor::told_by_runs(workers, given, knobs, &stages, enough(train))?
     } else {
-        Floor::calibrated(workers, given, knobs, &stages, references)?
+        let mut floor = Floor::calibrated(workers, given, knobs, &stages, references)?;
+        if floor.is_driven_otherwise(&train) {
+            remarks.push(
+                "the runs are driven harder than the references: tyres, the floor's friction and how far laws are off in harsh moments are taken from the runs; references driven as hard would show weaker effects".to_owned(),
+            );
+            floor.shown_by_runs(workers, &stages, enough(train))?;
+        }
+        floor
     };
     remarks.extend(floor.tyres());
     let mut case = Case {
@@ -257,6 +262,13 @@ pub fn diagnose(workers: &dyn Workers, input: &Input) -> Result<Diagnosis, Diagn
     assemble::assemble(workers, &mut case)
 }
 
+/// What the training runs leave under the model of their residuals counts as noise where references were driven otherwise.
+fn hear(floor: &mut Floor, train: &mut Prepared, validation: &mut Prepared) {
+    floor.hear(&train.records, &train.residuals);
+    train.metric = floor.metric(&train.records, &train.sensitivities);
+    validation.metric = floor.metric(&validation.records, &validation.sensitivities);
+}
+
 fn knob_stages(knob: &Knob, candidates: &[Candidate]) -> Stages {
     match knob {
         Knob::Supply(_) | Knob::Resistance(_) => Stages {
@@ -286,6 +298,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
     workers.progress("sensitivities", 0.15);
     let mut train = prepare(workers, &case.floor, of_role(case, Role::Train), stages)?;
     let mut validation = prepare(workers, &case.floor, of_role(case, Role::Validation), stages)?;
+    hear(&mut case.floor, &mut train, &mut validation);
     let mut coarse = train.thinned(&case.floor);
     let locked = of_role(case, Role::Locked);
     case.locked.extend(locked);
@@ -342,6 +355,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
             let model = with_members(&case.floor.model, &members);
             train.renew(workers, &case.floor, &model)?;
             validation.renew(workers, &case.floor, &model)?;
+            hear(&mut case.floor, &mut train, &mut validation);
             coarse = train.thinned(&case.floor);
             if members.is_empty() {
                 case.located = locate(&case.floor, &train.records, &train.residuals);
@@ -441,6 +455,8 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
         let model = with_members(&case.floor.model, &members);
         train.renew(workers, &case.floor, &model)?;
         validation.renew(workers, &case.floor, &model)?;
+        hear(&mut case.floor, &mut train, &mut validation);
+        reference_metric = self::reference_metric(&case.floor);
         coarse = train.thinned(&case.floor);
         kept.outdate();
     }

@@ -6,12 +6,13 @@
 use super::metric::{Metric, dot};
 use super::modes::Weighting;
 use super::noise::NoiseModel;
+use super::otherwise::Prior;
+use super::variation::{VARIATION_RUNS, prior_variation};
 use crate::hypothesis::{Hypothesis, Knob, realised};
 use crate::linear::Square;
 use crate::record::{Record, Stages};
 use crate::screen::{Change, all_residuals, columns};
 use crate::workers::{Cancelled, Workers};
-use twin::robot::RobotDescription;
 
 /// What a laboratory's description is off by, standard deviation in practical sizes: such errors are below the practical size. A wider prior
 /// lets the calibration wander where references do not tell, as among the toes of four wheels, and its width hides what runs differ by.
@@ -22,38 +23,6 @@ const UNTOLD_SIGMA: f64 = 1.5;
 const WORD_SIGMA: f64 = 0.35;
 /// The same of the tread.
 const TREAD_SIGMA: f64 = 2.5;
-/// From run to run and from day to day, in practical sizes: stated prior, worth this many references.
-const VARIATION_SIGMA: f64 = 0.12;
-const VARIATION_RUNS: f64 = 3.0;
-/// The same of what does not change by itself: what a few references seem to say of it is errors of the laws.
-const RIGID_RUNS: f64 = 20.0;
-/// The same for friction, as a share of the described one, and the least in practical sizes.
-const FRICTION_VARIATION: f64 = 0.1;
-const LEAST_VARIATION: f64 = 0.01;
-/// The same for what is bolted, built in or programmed: no rigid body changes between two runs by more than a little warmth and wear, and no firmware's timing
-/// by itself. Clocks do.
-const RIGID_VARIATION: f64 = 0.03;
-const RIGID: [&str; 17] = [
-    "command_delay",
-    "motor_lag",
-    "steering_lag",
-    "localization_latency",
-    "wheel_radius",
-    "wheel_radius_one",
-    "track_width",
-    "wheel_misalignment",
-    "marker_offset",
-    "imu_yaw",
-    "gyro_scale",
-    "pose_scale",
-    "steering_offset",
-    "steering_scale",
-    "steering_backlash",
-    "camera_seam",
-    "tag_height",
-];
-/// The same for battery and temperature, in knobs.
-const WEATHER_SIGMA: f64 = 1.0;
 /// Steps that are tried from one linearisation, and Marquardt's damping, as a share of the diagonal.
 const MOST_TRIALS: usize = 8;
 const LEAST_DAMPING: f64 = 0.01;
@@ -62,7 +31,6 @@ const MOST_DAMPING: f64 = 100.0;
 const LINEARISATIONS: usize = 2;
 /// References that the first of them takes.
 const FIRST_REFERENCES: usize = 4;
-const EXPECTATION_STEPS: usize = 12;
 /// Factor on thresholds where variances are stated: the description's own errors are in the product already, and an effect of three practical
 /// sizes gains no more than (3 / [`WORD_SIGMA`])^2 beside them.
 const STATED_INFLATION: f64 = 2.5;
@@ -80,6 +48,11 @@ pub struct Floor {
     pub values: Vec<f64>,
     pub sigmas: Vec<f64>,
     pub noise: NoiseModel,
+    /// The same before runs that are driven otherwise were heard.
+    pub(super) noise_of_references: NoiseModel,
+    pub(super) is_otherwise: bool,
+    /// What is known of the knobs before the calibration.
+    pub(super) prior: Vec<Prior>,
     /// What a calibration measures residuals by: the stated noise, or what half of the cells exceeded before it.
     pub(super) yardstick: NoiseModel,
     /// Variances of the knobs from run to run.
@@ -97,50 +70,17 @@ pub struct Floor {
     pub absorbed: Vec<twin::effect::Effect>,
 }
 
-/// Variance of a knob from run to run before any reference. Friction of a drive varies with what there is of it, and its practical size is many
-/// times that on a robot that runs freely.
-fn prior_variation(knob: &Knob, robot: &RobotDescription) -> f64 {
-    let of_friction = |nominal: Option<f64>, practical: f64| {
-        let share = FRICTION_VARIATION * nominal.unwrap_or(0.0) / practical;
-        share.clamp(LEAST_VARIATION, VARIATION_SIGMA)
-    };
-    let motor = robot.motor.as_ref();
-    match knob {
-        Knob::Parameter { name, practical, .. } => {
-            let sigma = match *name {
-                "coulomb_friction" => of_friction(motor.map(|motor| motor.coulomb_n_m), *practical),
-                "viscous_friction" => of_friction(motor.map(|motor| motor.viscous_n_m_s), *practical),
-                rigid if RIGID.contains(&rigid) => RIGID_VARIATION,
-                _ => VARIATION_SIGMA,
-            };
-            sigma * sigma
-        }
-        Knob::Supply(_) | Knob::Resistance(_) => WEATHER_SIGMA * WEATHER_SIGMA,
-        Knob::Tread(_) | Knob::SteeringFilter(_) | Knob::AccelerometerLag(_) => RIGID_VARIATION * RIGID_VARIATION,
-    }
-}
-
-/// True of what no day changes by itself.
-fn is_rigid(knob: &Knob) -> bool {
-    match knob {
-        Knob::Parameter { name, .. } => RIGID.contains(name),
-        other => other.is_untold(),
-    }
-}
-
-/// References that the stated variation of a knob is worth.
-fn prior_runs(knob: &Knob) -> f64 {
-    if is_rigid(knob) { RIGID_RUNS } else { VARIATION_RUNS }
-}
-
-/// Precision with which the description tells a knob.
-pub(super) fn prior_precision(knob: &Knob) -> f64 {
+/// What the description tells of a knob.
+fn prior(knob: &Knob) -> Prior {
     let sigma = if knob.is_untold() {
         UNTOLD_SIGMA
     } else {
         DESCRIPTION_SIGMA
     };
-    1.0 / (sigma * sigma)
+    Prior {
+        mean: 0.0,
+        precision: 1.0 / (sigma * sigma),
+    }
 }
 
 /// What a knob is off by without references. No description knows its tyres, and few the filters inside its servo and its sensors.
@@ -179,6 +119,9 @@ impl Floor {
         }
         Floor {
             noise: NoiseModel::prior(&given.description),
+            noise_of_references: NoiseModel::prior(&given.description),
+            is_otherwise: false,
+            prior: knobs.iter().map(prior).collect(),
             yardstick: NoiseModel::prior(&given.description),
             model: given.clone(),
             given,
@@ -203,11 +146,27 @@ impl Floor {
         stages: &[Stages],
         references: Vec<Record>,
     ) -> Result<Floor, Cancelled> {
-        let simulated = all_residuals(workers, &references, &given)?;
+        Floor::calibrated_from(workers, given, knobs, stages, references, None)
+    }
+
+    /// The same, with something known of the knobs before.
+    pub(super) fn calibrated_from(
+        workers: &dyn Workers,
+        given: Hypothesis,
+        knobs: Vec<Knob>,
+        stages: &[Stages],
+        references: Vec<Record>,
+        prior: Option<Vec<Prior>>,
+    ) -> Result<Floor, Cancelled> {
+        let mut floor = Floor::stated(given, knobs);
+        if let Some(prior) = prior {
+            floor = floor.turned_to(prior.iter().map(|prior| prior.mean).collect());
+            floor.prior = prior;
+        }
+        let simulated = all_residuals(workers, &references, &floor.model)?;
         let pairs = references.into_iter().zip(simulated);
         let (references, start): (Vec<Record>, Vec<Vec<f64>>) =
             pairs.filter_map(|(record, residual)| Some((record, residual?))).unzip();
-        let mut floor = Floor::stated(given, knobs);
         if references.is_empty() {
             return Ok(floor);
         }
@@ -262,24 +221,56 @@ impl Floor {
         Metric::new(runs, &self.variation, &self.uncertainty, self.noise.is_prior)
     }
 
+    /// Some knobs elsewhere, and the others calibrated anew with them.
+    pub(super) fn hold(
+        &mut self,
+        workers: &dyn Workers,
+        stages: &[Stages],
+        held: &[(usize, f64)],
+    ) -> Result<(), Cancelled> {
+        let mut values = self.values.clone();
+        held.iter().for_each(|(k, value)| values[*k] = *value);
+        let model = realised(&self.given, &self.knobs, &values);
+        let simulated: Option<Vec<Vec<f64>>> = all_residuals(workers, &self.references, &model)?.into_iter().collect();
+        let Some(residuals) = simulated else { return Ok(()) };
+        (self.values, self.model, self.residuals) = (values, model, residuals);
+        let changes = knob_changes(&self.model, &self.knobs, &self.values, stages);
+        self.sensitivities = columns(workers, &self.references, &self.residuals, &changes)?;
+        self.turn(workers, held)?;
+        self.conclude();
+        Ok(())
+    }
+
     fn fit(&mut self, workers: &dyn Workers) -> Result<(), Cancelled> {
-        let count = self.knobs.len();
+        self.turn(workers, &[])?;
+        self.conclude();
+        Ok(())
+    }
+
+    /// Turns the knobs but those held as long as the references become likelier.
+    fn turn(&mut self, workers: &dyn Workers, held: &[(usize, f64)]) -> Result<(), Cancelled> {
         let mut damping = LEAST_DAMPING;
         let mut simulations = 0;
         while simulations < MOST_TRIALS && damping <= MOST_DAMPING {
             simulations += 1;
-            if self.take(workers, damping)? {
+            if self.take(workers, held, damping)? {
                 damping = (0.1 * damping).max(LEAST_DAMPING);
             } else {
                 damping *= 5.0;
             }
         }
+        Ok(())
+    }
+
+    /// Noise, variation and what is left of the knobs' uncertainty where they stand.
+    fn conclude(&mut self) {
+        let count = self.knobs.len();
         self.noise = NoiseModel::fitted(&self.given.description, &self.references, &self.residuals);
         self.estimate_variation();
         self.leave_out();
         let (mut information, _) = self.information();
         for k in 0..count {
-            information.add(k, k, prior_precision(&self.knobs[k]));
+            information.add(k, k, self.prior[k].precision);
         }
         self.uncertainty = information.cholesky().inverse();
         for k in 0..count {
@@ -287,7 +278,6 @@ impl Floor {
             self.uncertainty
                 .add(k, k, prior_variation(&self.knobs[k], &self.given.description));
         }
-        Ok(())
     }
 
     /// Of residuals of the references under knobs, by the yardstick.
@@ -296,17 +286,15 @@ impl Floor {
         let misfit: f64 = pairs
             .map(|(record, residual)| self.yardstick.surprise(record, residual))
             .sum();
-        let pairs = self.knobs.iter().zip(values);
-        misfit
-            + pairs
-                .map(|(knob, value)| prior_precision(knob) * value * value)
-                .sum::<f64>()
+        let pairs = self.prior.iter().zip(values);
+        let strange = |(prior, value): (&Prior, &f64)| prior.precision * (value - prior.mean) * (value - prior.mean);
+        misfit + pairs.map(strange).sum::<f64>()
     }
 
     /// Takes the step of a damping when it makes the references likelier; else false.
-    fn take(&mut self, workers: &dyn Workers, damping: f64) -> Result<bool, Cancelled> {
+    fn take(&mut self, workers: &dyn Workers, held: &[(usize, f64)], damping: f64) -> Result<bool, Cancelled> {
         let before = self.surprise(&self.residuals, &self.values);
-        let step = self.step(&self.residuals, &self.values, &[], damping);
+        let step = self.step(&self.residuals, &self.values, held, damping);
         let moved = self.values.iter().zip(&step).map(|(v, s)| v + s);
         let values: Vec<f64> = moved
             .zip(&self.knobs)
@@ -325,7 +313,7 @@ impl Floor {
     }
 
     /// S' W S and S' W y of one reference.
-    fn moments(&self, reference: usize) -> (Square, Vec<f64>) {
+    pub(super) fn moments(&self, reference: usize) -> (Square, Vec<f64>) {
         let weighting = self.noise.weighting(&self.references[reference]);
         self.moments_with(reference, &weighting, &self.residuals[reference])
     }
@@ -413,7 +401,7 @@ impl Floor {
                 }
             }
             for k in 0..count {
-                others.add(k, k, prior_precision(&self.knobs[k]));
+                others.add(k, k, self.prior[k].precision);
             }
             let back = others.cholesky().solve(score);
             for (knob, amount) in self.sensitivities.iter().zip(back) {
@@ -423,33 +411,7 @@ impl Floor {
             }
         }
         self.noise = NoiseModel::fitted(&self.given.description, &self.references, &self.left_out);
-    }
-
-    /// Variances from run to run by expectation and maximisation, with the stated prior as further runs.
-    fn estimate_variation(&mut self) {
-        let count = self.knobs.len();
-        let moments: Vec<(Square, Vec<f64>)> = (0..self.references.len()).map(|r| self.moments(r)).collect();
-        for _ in 0..EXPECTATION_STEPS {
-            let mut sums: Vec<f64> = self
-                .knobs
-                .iter()
-                .map(|knob| prior_runs(knob) * prior_variation(knob, &self.given.description))
-                .collect();
-            for (gram, score) in &moments {
-                let mut inner = gram.clone();
-                for (k, variance) in self.variation.iter().enumerate() {
-                    inner.add(k, k, 1.0 / variance.max(1e-12));
-                }
-                let covariance = inner.cholesky().inverse();
-                for (k, sum) in sums.iter_mut().enumerate() {
-                    let mean: f64 = (0..count).map(|j| covariance.at(k, j) * score[j]).sum();
-                    *sum += mean * mean + covariance.at(k, k);
-                }
-            }
-            let runs = moments.len() as f64;
-            let knobs = sums.into_iter().zip(&self.knobs);
-            self.variation = knobs.map(|(sum, knob)| sum / (runs + prior_runs(knob))).collect();
-        }
+        self.noise_of_references = self.noise.clone();
     }
 
     /// Factor on thresholds for variances that few references gave, or none: Student's t against the normal at 99.5 %.
@@ -470,7 +432,6 @@ mod tests {
     use crate::random::Random;
     use crate::record::Quantity;
     use crate::record::made::series;
-    use twin::effect::library::find;
 
     const CELLS: usize = 300;
 
@@ -492,7 +453,7 @@ mod tests {
             }
         }
         for k in 0..2 {
-            system.add(k, k, prior_precision(&floor.knobs[k]));
+            system.add(k, k, floor.prior[k].precision);
         }
         system.cholesky().solve(&right)
     }
@@ -549,26 +510,5 @@ mod tests {
         floor.residuals.truncate(2);
         floor.leave_out();
         assert_eq!(floor.left_out, floor.residuals);
-    }
-
-    #[test]
-    fn rigid_parts_vary_least() {
-        let robot = twin::golden::reference_robot("diff2");
-        let of = |name: &'static str| {
-            let knob = Knob::Parameter {
-                name,
-                index: None,
-                parameter: "",
-                neutral: 0.0,
-                practical: 1.0,
-                low: -1.0,
-                high: 1.0,
-            };
-            prior_variation(&knob, &robot).sqrt()
-        };
-        for name in RIGID {
-            assert!(find(name).is_some(), "{name} is no effect");
-            assert!(of(name) < 0.3 * of("payload"), "{name}");
-        }
     }
 }

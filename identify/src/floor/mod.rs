@@ -5,7 +5,9 @@ mod description;
 mod metric;
 mod modes;
 mod noise;
+mod otherwise;
 mod start;
+mod variation;
 
 pub use calibrate::{Floor, knob_changes};
 pub use description::{Estimate, Said};

@@ -190,6 +190,28 @@ impl Modes {
         })
     }
 
+    /// Louder in lively cells where other residuals are.
+    pub fn raise(&mut self, records: &[Record], residuals: &[Vec<f64>]) {
+        let mut squares: Vec<Vec<(f64, f64)>> = vec![Vec::new(); self.wheels.len()];
+        for (record, residual) in records.iter().zip(residuals) {
+            let (places, activities) = (record.places(), record.activities());
+            if wheels(&places, self.class) != self.wheels {
+                continue;
+            }
+            for group in groups(&places, self.class, &self.wheels) {
+                let activity = activity(&activities, &group.positions);
+                for (mode, squares) in squares.iter_mut().enumerate() {
+                    let terms = group.positions.iter().enumerate();
+                    let turned: f64 = terms.map(|(k, p)| self.basis.at(mode, k) * residual[*p]).sum();
+                    squares.push((activity, turned * turned));
+                }
+            }
+        }
+        for (noise, squares) in self.noise.iter_mut().zip(&mut squares) {
+            *noise = noise.raised(squares);
+        }
+    }
+
     /// All classes that have directions.
     pub fn all(classes: &[ClassNoise], sensor: &[f64], records: &[Record], residuals: &[Vec<f64>]) -> Vec<Modes> {
         CLASSES_OF_WHEELS

@@ -27,6 +27,22 @@ impl ClassNoise {
         self.level + self.slope * square + (self.beyond - self.slope).max(0.0) * unseen
     }
 
+    /// At least as loud in lively cells as other cells are, of more than chance.
+    pub fn raised(self, cells: &mut [(f64, f64)]) -> ClassNoise {
+        if cells.len() < 20 {
+            return self;
+        }
+        let own = ClassNoise::fitted(cells, self.level, self.beyond);
+        if own.slope <= self.slope {
+            return self;
+        }
+        ClassNoise {
+            slope: own.slope,
+            reach: own.reach.max(self.reach),
+            ..self
+        }
+    }
+
     /// From squares of residuals with the activities that they were at: `(activity, square)`.
     ///
     /// - `least`: smallest level.

@@ -1,7 +1,6 @@
 //! Where a calibration begins: on which curve of the tyres and with which delay. Where these are far from the described ones, slopes there do not lead to them.
 
 use super::Floor;
-use super::calibrate::prior_precision;
 use crate::hypothesis::{Knob, TreadKnob, realised};
 use crate::linear::Square;
 use crate::screen::all_residuals;
@@ -35,10 +34,10 @@ impl Floor {
     /// How tyres creep and slide, in words.
     pub fn tyres(&self) -> Option<String> {
         let tread = self.model.description.tread?;
-        let source = if self.references.is_empty() {
-            "training runs"
-        } else {
-            "references"
+        let source = match (self.references.is_empty(), self.is_otherwise) {
+            (true, _) => "training runs",
+            (false, true) => "references and training runs",
+            (false, false) => "references",
         };
         Some(format!(
             "tyres as calibrated on the {source}: slip scale {:.1} mm/s, creep {:.3}, sliding friction {:.2} of grip",
@@ -50,12 +49,13 @@ impl Floor {
 
     /// Goes to the curve, and then to the delay, with which the references surprise least, all other knobs turned as their slopes say.
     pub(super) fn choose_start(&mut self, workers: &dyn Workers) -> Result<(), Cancelled> {
-        let nothing = vec![0.0; self.knobs.len()];
+        let known: Vec<f64> = self.prior.iter().map(|prior| prior.mean).collect();
         let mut best: Option<Likely> = None;
-        let curves = core::iter::once([0.0; 4]).chain(CURVES);
+        let known_curve: Vec<f64> = self.tread().map(|k| known[k]).collect();
+        let curves = core::iter::once(known_curve).chain(CURVES.map(Vec::from));
         for curve in curves {
             let held: Vec<(usize, f64)> = self.tread().zip(curve).collect();
-            best = likelier(best, self.turned(workers, &nothing, &held)?);
+            best = likelier(best, self.turned(workers, &known, &held)?);
         }
         // Delays are held against what they hide: a wheel that is late for ramps looks like a poor sensor, and then does not ask for its delay.
         let delay = self.knobs.iter().position(Knob::is_delay);
@@ -63,7 +63,7 @@ impl Floor {
             let curve: Vec<(usize, f64)> = self.tread().map(|k| (k, found.values[k])).collect();
             for value in DELAYS {
                 let held = [&curve[..], &[(delay, value)]].concat();
-                best = likelier(best, self.turned(workers, &nothing, &held)?);
+                best = likelier(best, self.turned(workers, &known, &held)?);
             }
         }
         if let Some(best) = best {
@@ -125,8 +125,10 @@ impl Floor {
     pub(super) fn step(&self, residuals: &[Vec<f64>], values: &[f64], held: &[(usize, f64)], damping: f64) -> Vec<f64> {
         let count = self.knobs.len();
         let mut system = Square::zero(count);
-        let priors = values.iter().zip(&self.knobs);
-        let mut score: Vec<f64> = priors.map(|(value, knob)| -prior_precision(knob) * value).collect();
+        let priors = values.iter().zip(&self.prior);
+        let mut score: Vec<f64> = priors
+            .map(|(value, prior)| prior.precision * (prior.mean - value))
+            .collect();
         for (reference, residual) in residuals.iter().enumerate() {
             let weighting = self.yardstick.robust_weighting(&self.references[reference], residual);
             let (gram, own) = self.moments_with(reference, &weighting, residual);
@@ -139,7 +141,7 @@ impl Floor {
         }
         for k in 0..count {
             let is_held = held.iter().any(|(knob, _)| *knob == k);
-            let prior = prior_precision(&self.knobs[k]);
+            let prior = self.prior[k].precision;
             system.add(k, k, if is_held { HELD } else { prior });
             system.add(k, k, damping * system.at(k, k));
         }

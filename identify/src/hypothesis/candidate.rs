@@ -82,12 +82,17 @@ impl Candidate {
         effect
     }
 
-    /// The largest size of the values in practical sizes; infinite where the neutral value is.
+    /// The largest size of the values in practical sizes; infinite for a speed that is limited, since it shows when it is reached.
     pub fn size(&self, values: &[f64]) -> f64 {
         let axes = self.axes.iter().zip(values).filter(|(axis, _)| axis.carries_size);
         axes.map(|(axis, value)| {
             if axis.neutral.is_infinite() {
-                if value.is_finite() { f64::INFINITY } else { 0.0 }
+                match (axis.unit, value.is_finite()) {
+                    (_, false) => 0.0,
+                    // Every step of a set-point reaches it, and one far above what grip allows is a wheel that is a little late.
+                    ("m/s2", true) => axis.practical / value,
+                    (_, true) => f64::INFINITY,
+                }
             } else {
                 (value - axis.neutral).abs() / axis.practical
             }

@@ -31,6 +31,8 @@ pub struct Change {
     pub marker_yaw_rad: f64,
     pub steering_offset_rad: f64,
     pub pose_scale: f64,
+    /// Every piece begins with a gentle ramp.
+    pub is_smooth: bool,
 }
 
 impl Change {
@@ -275,7 +277,11 @@ fn record(
     for tick in 0..twists.len() as u32 * TICK_HZ {
         let piece = (tick / TICK_HZ) as usize;
         // Every fourth piece begins with a step, the others with a ramp.
-        let rate = if piece % 4 == 2 { 1e3 } else { 2.0 * period };
+        let rate = match (change.is_smooth, piece % 4) {
+            (true, _) => 0.5 * period,
+            (false, 2) => 1e3,
+            (false, _) => 2.0 * period,
+        };
         let toward = |now: f64, goal: f64, most: f64| now + (goal - now).clamp(-most, most);
         let goal = twists[piece];
         twist.forward_m_per_s = toward(twist.forward_m_per_s, goal.forward_m_per_s, rate);
