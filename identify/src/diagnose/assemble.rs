@@ -186,8 +186,8 @@ fn verdict(case: &Case) -> Verdict {
         return Verdict::Ambiguous;
     }
     // Without references an effect may be an error of the description itself.
-    let is_uneven = naming.iter().any(|taken| taken.uneven().is_some());
-    if remains || is_uneven || !validated(case) || case.locked.len() < FEWEST_RUNS || case.floor.noise.is_prior {
+    let is_sure = naming.iter().all(|taken| taken.is_sure(&case.floor));
+    if remains || !is_sure || !validated(case) || case.locked.len() < FEWEST_RUNS || case.floor.noise.is_prior {
         return Verdict::Partial;
     }
     Verdict::Confirmed
@@ -303,7 +303,7 @@ fn named(case: &Case, is_proven: bool) -> Vec<NamedEffect> {
         excluded.dedup_by(|a, b| a.name == b.name);
         let mut effect = NamedEffect {
             name: name.to_owned(),
-            status: if alternatives.is_empty() && taken.uneven().is_none() && is_proven {
+            status: if alternatives.is_empty() && taken.is_sure(&case.floor) && is_proven {
                 "confirmed"
             } else {
                 "ambiguous"

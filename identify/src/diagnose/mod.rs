@@ -129,6 +129,11 @@ impl Taken {
     fn uneven(&self) -> Option<f64> {
         self.evenness.filter(Evenness::is_uneven).map(|even| even.spread)
     }
+
+    /// Neither another law nor what was there before.
+    fn is_sure(&self, floor: &Floor) -> bool {
+        self.uneven().is_none() && !floor.may_have_had(self.finalist.size)
+    }
 }
 
 /// Everything that the report is made of.
@@ -265,8 +270,10 @@ pub fn diagnose(workers: &dyn Workers, input: &Input) -> Result<Diagnosis, Diagn
 /// What the training runs leave under the model of their residuals counts as noise where references were driven otherwise.
 fn hear(floor: &mut Floor, train: &mut Prepared, validation: &mut Prepared) {
     floor.hear(&train.records, &train.residuals);
-    train.metric = floor.metric(&train.records, &train.sensitivities);
-    validation.metric = floor.metric(&validation.records, &validation.sensitivities);
+    for side in [train, validation] {
+        floor.doubt(&mut side.records, &side.residuals);
+        side.metric = floor.metric(&side.records, &side.sensitivities);
+    }
 }
 
 fn knob_stages(knob: &Knob, candidates: &[Candidate]) -> Stages {
@@ -481,7 +488,8 @@ fn finish(
         .iter()
         .zip(&case.roles)
         .filter(|(_, role)| **role != Role::Locked);
-    let both = prepare(workers, &case.floor, open.map(|pair| pair.0.clone()).collect(), stages)?;
+    let mut both = prepare(workers, &case.floor, open.map(|pair| pair.0.clone()).collect(), stages)?;
+    both.doubt(workers, &case.floor, &with_members(&case.floor.model, &members))?;
     let problem = Problem {
         records: &both.records,
         metric: &both.metric,

@@ -31,6 +31,19 @@ impl Prepared {
         Ok(())
     }
 
+    /// Loud windows under another model count less where references were driven otherwise.
+    pub fn doubt(&mut self, workers: &dyn Workers, floor: &Floor, model: &Hypothesis) -> Result<(), Cancelled> {
+        if !floor.is_otherwise {
+            return Ok(());
+        }
+        let simulated = all_residuals(workers, &self.records, model)?;
+        let pairs = simulated.into_iter().zip(&self.residuals);
+        let residuals: Vec<Vec<f64>> = pairs.map(|(new, old)| new.unwrap_or_else(|| old.clone())).collect();
+        floor.doubt(&mut self.records, &residuals);
+        self.metric = floor.metric(&self.records, &self.sensitivities);
+        Ok(())
+    }
+
     pub fn side(&self) -> Side<'_> {
         Side {
             records: &self.records,

@@ -50,7 +50,8 @@ pub struct Floor {
     pub noise: NoiseModel,
     /// The same before runs that are driven otherwise were heard.
     pub(super) noise_of_references: NoiseModel,
-    pub(super) is_otherwise: bool,
+    /// References were driven otherwise than the runs, and what they cannot show was taken from these.
+    pub is_otherwise: bool,
     /// What is known of the knobs before the calibration.
     pub(super) prior: Vec<Prior>,
     /// What a calibration measures residuals by: the stated noise, or what half of the cells exceeded before it.

@@ -221,7 +221,14 @@ impl Modes {
     }
 
     /// Replaces the weights of whole groups of a record.
-    pub fn weigh(&self, places: &[Place], classes: &[ClassNoise], activities: &[f64], weighting: &mut Weighting) {
+    pub fn weigh(
+        &self,
+        places: &[Place],
+        classes: &[ClassNoise],
+        activities: &[f64],
+        trust: &dyn Fn(usize) -> f64,
+        weighting: &mut Weighting,
+    ) {
         if wheels(places, self.class) != self.wheels {
             return;
         }
@@ -231,7 +238,8 @@ impl Modes {
             let activity = activity(activities, &group.positions);
             for (place, noise) in group.positions.iter().zip(&self.noise) {
                 weighting.weights[*place] = 1.0 / (noise.at(activity) * noise.correlation);
-                weighting.expected[self.class] += 1.0 / noise.correlation - 1.0 / classes[self.class].correlation;
+                weighting.expected[self.class] +=
+                    trust(group.window) * (1.0 / noise.correlation - 1.0 / classes[self.class].correlation);
             }
             weighting.groups.push((basis, group.positions));
         }

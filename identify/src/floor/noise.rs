@@ -235,11 +235,18 @@ impl NoiseModel {
     pub fn weighting(&self, record: &Record) -> Weighting {
         let (places, activities) = (record.places(), record.activities());
         let mut weighting = Weighting::diagonal(self.weights_at(&places, &activities));
-        for class in places.iter().filter_map(|place| Some(place.quantity?.class())) {
-            weighting.expected[class] += 1.0 / self.classes[class].correlation;
+        let trust = |window: usize| record.windows[window].trust;
+        for place in &places {
+            let Some(class) = place.quantity.map(|quantity| quantity.class()) else {
+                continue;
+            };
+            weighting.expected[class] += trust(place.window) / self.classes[class].correlation;
         }
         for modes in &self.modes {
-            modes.weigh(&places, &self.classes, &activities, &mut weighting);
+            modes.weigh(&places, &self.classes, &activities, &trust, &mut weighting);
+        }
+        for (weight, place) in weighting.weights.iter_mut().zip(&places) {
+            *weight *= trust(place.window);
         }
         weighting
     }

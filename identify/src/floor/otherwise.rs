@@ -14,6 +14,8 @@ use crate::workers::{Cancelled, Workers};
 const OTHERWISE: f64 = 0.08;
 /// What the floor's friction can be off by from what is described, practical sizes; more is for a name to explain.
 const BELIEVABLE: f64 = 2.0;
+/// A window counts at most as if it were so many times as loud as is expected.
+const LOUDEST: f64 = 2.0;
 
 /// What is known of a knob before a calibration, in practical sizes.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -87,6 +89,36 @@ impl Floor {
             })
             .collect();
         self.hold(workers, stages, &held)
+    }
+
+    /// Where references were driven otherwise a few windows in which wheels slide are off by hundreds of times what is expected, and whatever turns those
+    /// few best would win: windows count no more than [`LOUDEST`] has it (the idea of Huber 1964, window by window).
+    ///
+    /// - `residuals`: of the records under the present model.
+    pub fn doubt(&self, records: &mut [Record], residuals: &[Vec<f64>]) {
+        if !self.is_otherwise {
+            return;
+        }
+        for (record, residual) in records.iter_mut().zip(residuals) {
+            let mut sums = vec![(0.0, 0.0); record.windows.len()];
+            let places = record.places();
+            for ((place, weight), value) in places.iter().zip(self.noise.weights(record)).zip(residual) {
+                if let Some(quantity) = place.quantity {
+                    sums[place.window].0 += weight * value * value;
+                    sums[place.window].1 += 1.0 / self.noise.classes[quantity.class()].correlation;
+                }
+            }
+            for (window, (energy, expected)) in record.windows.iter_mut().zip(sums) {
+                window.trust = (LOUDEST * expected / f64::max(energy, 1e-300)).min(1.0);
+            }
+        }
+    }
+
+    /// An effect of a size below the practical one may have been there before the references, which could not show it.
+    ///
+    /// - `size`: in practical sizes.
+    pub fn may_have_had(&self, size: f64) -> bool {
+        self.is_otherwise && size < 1.0
     }
 
     /// Takes into the noise what runs leave under the present model, where references were driven otherwise.

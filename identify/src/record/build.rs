@@ -284,6 +284,7 @@ fn window(source: &Source, start_s: f64, to_s: f64, sent: &Sent, steered: &mut W
         start,
         wheel_angle_rad: wheel_angles(source, start_s),
         load: loads(source, start_s),
+        trust: 1.0,
         drive,
         rolling: rolling.filter(|chain| !chain.is_empty()),
     };

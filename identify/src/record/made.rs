@@ -44,6 +44,7 @@ pub fn window(drive: Vec<Cell>, rolling: Vec<Cell>, poses: Vec<PoseCell>) -> Win
         rolling: (!rolling.is_empty()).then_some(rolling),
         wheel_angle_rad: Vec::new(),
         load: Vec::new(),
+        trust: 1.0,
     }
 }
 
