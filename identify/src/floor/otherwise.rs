@@ -216,4 +216,40 @@ mod tests {
         floor.hear(core::slice::from_ref(&run), core::slice::from_ref(&quietly));
         assert_eq!(floor.noise, floor.noise_of_references);
     }
+
+    #[test]
+    fn a_loud_window_counts_as_twice_what_is_expected() {
+        let mut floor = floor();
+        let windows = || driven(Quantity::Wheel(0), 200, 0).windows;
+        let mut runs = [record([windows(), windows()].concat())];
+        let sigma = floor.noise.classes[0].at(1.0).sqrt();
+        let residuals = [[vec![sigma; 200], vec![10.0 * sigma; 200]].concat()];
+        floor.doubt(&mut runs, &residuals);
+        assert!(
+            runs[0].windows.iter().all(|window| window.trust == 1.0),
+            "references drove alike"
+        );
+        let expected: f64 = floor.noise.weighting(&runs[0]).expected.iter().sum();
+        floor.is_otherwise = true;
+        floor.doubt(&mut runs, &residuals);
+        let energy = |residual: &[f64]| -> f64 {
+            let weights = floor.noise.weighting(&runs[0]).weights;
+            weights.iter().zip(residual).map(|(w, r)| w * r * r).sum()
+        };
+        // Half of what both expect, and twice that.
+        assert!((energy(&residuals[0]) / (0.5 * expected) - 3.0).abs() < 1e-9);
+        assert_eq!(runs[0].windows[0].trust, 1.0);
+        // What is expected of it shrinks alike.
+        let trust = runs[0].windows[1].trust;
+        let shrunk: f64 = floor.noise.weighting(&runs[0]).expected.iter().sum();
+        assert!((trust - 0.02).abs() < 1e-12 && (shrunk / expected - 0.5 * (1.0 + trust)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_is_smaller_than_practical_may_have_been_there_before() {
+        let mut floor = floor();
+        assert!(!floor.may_have_had(0.8));
+        floor.is_otherwise = true;
+        assert!(floor.may_have_had(0.8) && !floor.may_have_had(1.1));
+    }
 }
