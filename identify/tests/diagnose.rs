@@ -98,3 +98,19 @@ fn runs_of_other_robots_are_refused() {
     mixed.runs = Vec::<Run>::new();
     assert_eq!(diagnose(&Serial, &mixed).err(), Some(DiagnoseError::NoRuns));
 }
+
+/// A run that is learned from cannot check what was learned.
+#[test]
+fn a_recording_given_twice_is_refused() {
+    let mut doubled = input("diff2", "none", 0.0, (0, 2));
+    let mut again = doubled.runs[1].clone();
+    again.path = "copy".to_owned();
+    doubled.locked = vec![again];
+    let error = diagnose(&Serial, &doubled).err();
+    let words = error.as_ref().map_or_else(String::new, ToString::to_string);
+    assert!(matches!(error, Some(DiagnoseError::Twice { .. })), "{words}");
+    assert!(
+        words.starts_with("copy and ") && words.contains("give every run once"),
+        "{words}"
+    );
+}

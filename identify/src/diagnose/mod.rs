@@ -6,6 +6,7 @@ mod assemble;
 mod calibrate;
 mod described;
 mod energy;
+mod error;
 mod evenness;
 mod exchange;
 mod excited;
@@ -20,6 +21,7 @@ mod validation_gap;
 mod verified;
 
 pub use calibrate::{calibrated, calibrated_floor};
+pub use error::DiagnoseError;
 
 use twin::effect::Effect;
 use twin::model_document::ModelDocument;
@@ -35,7 +37,7 @@ use crate::screen::{Score, all_residuals};
 use crate::select::{
     Explained, Finalist, Role, Round, Sensitivities, Stop, decrease, difference, energies, roles, round, slack_of,
 };
-use crate::workers::{Cancelled, Workers};
+use crate::workers::Workers;
 use absorb::absorb_one;
 use arrived::{Answer, Question};
 use described::described;
@@ -81,35 +83,6 @@ pub struct Input {
 pub struct Diagnosis {
     pub report: Report,
     pub model: ModelDocument,
-}
-
-/// Why there is no diagnosis.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum DiagnoseError {
-    #[error(transparent)]
-    Cancelled(#[from] Cancelled),
-    #[error("no runs to diagnose; name at least one")]
-    NoRuns,
-    #[error("{path}: the robot has {found} wheels, that of {other} has {expected}: these are runs of different robots")]
-    OtherRobot {
-        path: String,
-        other: String,
-        found: usize,
-        expected: usize,
-    },
-    #[error("{path}: chassis {found:?}, that of {other} is {expected:?}: these are runs of different robots")]
-    OtherChassis {
-        path: String,
-        other: String,
-        found: String,
-        expected: String,
-    },
-    #[error(
-        "{path}: no window of 1.3 s with commands and enough measurements; channels needed: commands, and poses or wheel speeds"
-    )]
-    Unusable { path: String },
-    #[error("the given model cannot be simulated: {0}")]
-    Model(String),
 }
 
 /// An effect that has been taken into the model.
@@ -267,9 +240,10 @@ pub fn diagnose(workers: &dyn Workers, input: &Input) -> Result<Diagnosis, Diagn
     assemble::assemble(workers, &mut case)
 }
 
-/// What the training runs leave under the model of their residuals counts as noise where references were driven otherwise.
+/// How loud the runs are under the model of their residuals: noise where references were driven otherwise, and windows that are too loud to be trusted.
 fn hear(floor: &mut Floor, train: &mut Prepared, validation: &mut Prepared) {
     floor.hear(&train.records, &train.residuals);
+    floor.doubt_references();
     for side in [train, validation] {
         floor.doubt(&mut side.records, &side.residuals);
         side.metric = floor.metric(&side.records, &side.sensitivities);
@@ -358,11 +332,11 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
         };
         if is_absorbed {
             kept.refuse(&stop);
-            reference_metric = self::reference_metric(&case.floor);
             let model = with_members(&case.floor.model, &members);
             train.renew(workers, &case.floor, &model)?;
             validation.renew(workers, &case.floor, &model)?;
             hear(&mut case.floor, &mut train, &mut validation);
+            reference_metric = self::reference_metric(&case.floor);
             coarse = train.thinned(&case.floor);
             if members.is_empty() {
                 case.located = locate(&case.floor, &train.records, &train.residuals);
@@ -394,6 +368,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
                     Ok(found) => {
                         members.push(found.taken.finalist.member.clone());
                         (train, validation) = arrived::put(case, *found);
+                        hear(&mut case.floor, &mut train, &mut validation);
                         coarse = train.thinned(&case.floor);
                         kept.outdate();
                         continue;
@@ -457,13 +432,13 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
         }
         case.last = Some(stop);
         members = joint.members.clone();
-        let of = |residuals: &[Vec<f64>]| energies(&train.metric, &train.records, residuals);
-        explained.gain = decrease(&of(&base), &of(&joint.residuals));
         let model = with_members(&case.floor.model, &members);
         train.renew(workers, &case.floor, &model)?;
         validation.renew(workers, &case.floor, &model)?;
         hear(&mut case.floor, &mut train, &mut validation);
         reference_metric = self::reference_metric(&case.floor);
+        let of = |residuals: &[Vec<f64>]| energies(&train.metric, &train.records, residuals);
+        explained.gain = decrease(&of(&base), &of(&train.residuals));
         coarse = train.thinned(&case.floor);
         kept.outdate();
     }

@@ -31,9 +31,9 @@ impl Prepared {
         Ok(())
     }
 
-    /// Loud windows under another model count less where references were driven otherwise.
+    /// Windows that are loud under another model count less.
     pub fn doubt(&mut self, workers: &dyn Workers, floor: &Floor, model: &Hypothesis) -> Result<(), Cancelled> {
-        if !floor.is_otherwise {
+        if floor.references.is_empty() {
             return Ok(());
         }
         let simulated = all_residuals(workers, &self.records, model)?;

@@ -1,13 +1,23 @@
 //! Runs that a diagnosis can use.
 
+use std::collections::BTreeMap;
+
 use super::{DiagnoseError, Input, Run};
 use crate::record::Record;
 
-/// Runs are of one robot.
+/// Runs are of one robot, and no two are the same.
 pub(super) fn check(input: &Input) -> Result<(), DiagnoseError> {
     let first = input.runs.first().ok_or(DiagnoseError::NoRuns)?;
     let expected = &first.bundle.run.robot;
+    let mut seen: BTreeMap<&str, &Run> = BTreeMap::new();
     for run in input.references.iter().chain(&input.runs).chain(&input.locked) {
+        let is_known = !run.sha256.is_empty();
+        if let Some(other) = is_known.then(|| seen.insert(&run.sha256, run)).flatten() {
+            return Err(DiagnoseError::Twice {
+                path: run.path.clone(),
+                other: other.path.clone(),
+            });
+        }
         let found = &run.bundle.run.robot;
         if found.wheels.len() != expected.wheels.len() {
             return Err(DiagnoseError::OtherRobot {

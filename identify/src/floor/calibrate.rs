@@ -51,7 +51,7 @@ pub struct Floor {
     /// The same before runs that are driven otherwise were heard.
     pub(super) noise_of_references: NoiseModel,
     /// References were driven otherwise than the runs, and what they cannot show was taken from these.
-    pub is_otherwise: bool,
+    pub(super) is_otherwise: bool,
     /// What is known of the knobs before the calibration.
     pub(super) prior: Vec<Prior>,
     /// What a calibration measures residuals by: the stated noise, or what half of the cells exceeded before it.

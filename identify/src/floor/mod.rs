@@ -2,6 +2,7 @@
 
 mod calibrate;
 mod description;
+mod doubt;
 mod metric;
 mod modes;
 mod noise;

@@ -14,8 +14,6 @@ use crate::workers::{Cancelled, Workers};
 const OTHERWISE: f64 = 0.08;
 /// What the floor's friction can be off by from what is described, practical sizes; more is for a name to explain.
 const BELIEVABLE: f64 = 2.0;
-/// A window counts at most as if it were so many times as loud as is expected.
-const LOUDEST: f64 = 2.0;
 
 /// What is known of a knob before a calibration, in practical sizes.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -89,29 +87,6 @@ impl Floor {
             })
             .collect();
         self.hold(workers, stages, &held)
-    }
-
-    /// Where references were driven otherwise a few windows in which wheels slide are off by hundreds of times what is expected, and whatever turns those
-    /// few best would win: windows count no more than [`LOUDEST`] has it (the idea of Huber 1964, window by window).
-    ///
-    /// - `residuals`: of the records under the present model.
-    pub fn doubt(&self, records: &mut [Record], residuals: &[Vec<f64>]) {
-        if !self.is_otherwise {
-            return;
-        }
-        for (record, residual) in records.iter_mut().zip(residuals) {
-            let mut sums = vec![(0.0, 0.0); record.windows.len()];
-            let places = record.places();
-            for ((place, weight), value) in places.iter().zip(self.noise.weights(record)).zip(residual) {
-                if let Some(quantity) = place.quantity {
-                    sums[place.window].0 += weight * value * value;
-                    sums[place.window].1 += 1.0 / self.noise.classes[quantity.class()].correlation;
-                }
-            }
-            for (window, (energy, expected)) in record.windows.iter_mut().zip(sums) {
-                window.trust = (LOUDEST * expected / f64::max(energy, 1e-300)).min(1.0);
-            }
-        }
     }
 
     /// An effect of a size below the practical one may have been there before the references, which could not show it.
@@ -215,34 +190,6 @@ mod tests {
         // Heard anew, with what explains it in the model: as before.
         floor.hear(core::slice::from_ref(&run), core::slice::from_ref(&quietly));
         assert_eq!(floor.noise, floor.noise_of_references);
-    }
-
-    #[test]
-    fn a_loud_window_counts_as_twice_what_is_expected() {
-        let mut floor = floor();
-        let windows = || driven(Quantity::Wheel(0), 200, 0).windows;
-        let mut runs = [record([windows(), windows()].concat())];
-        let sigma = floor.noise.classes[0].at(1.0).sqrt();
-        let residuals = [[vec![sigma; 200], vec![10.0 * sigma; 200]].concat()];
-        floor.doubt(&mut runs, &residuals);
-        assert!(
-            runs[0].windows.iter().all(|window| window.trust == 1.0),
-            "references drove alike"
-        );
-        let expected: f64 = floor.noise.weighting(&runs[0]).expected.iter().sum();
-        floor.is_otherwise = true;
-        floor.doubt(&mut runs, &residuals);
-        let energy = |residual: &[f64]| -> f64 {
-            let weights = floor.noise.weighting(&runs[0]).weights;
-            weights.iter().zip(residual).map(|(w, r)| w * r * r).sum()
-        };
-        // Half of what both expect, and twice that.
-        assert!((energy(&residuals[0]) / (0.5 * expected) - 3.0).abs() < 1e-9);
-        assert_eq!(runs[0].windows[0].trust, 1.0);
-        // What is expected of it shrinks alike.
-        let trust = runs[0].windows[1].trust;
-        let shrunk: f64 = floor.noise.weighting(&runs[0]).expected.iter().sum();
-        assert!((trust - 0.02).abs() < 1e-12 && (shrunk / expected - 0.5 * (1.0 + trust)).abs() < 1e-12);
     }
 
     #[test]

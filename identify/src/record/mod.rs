@@ -126,7 +126,7 @@ pub struct Window {
     pub wheel_angle_rad: Vec<f64>,
     /// Mean over the motors of (i / i_max)^2 in cells of a second since the run's start, newest last.
     pub load: Vec<f64>,
-    /// Share of its weight that counts.
+    /// Share of its weight that counts ([`crate::floor::Floor::doubt`]).
     pub trust: f64,
 }
 
