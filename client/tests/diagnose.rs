@@ -28,7 +28,7 @@ fn robopheus(arguments: &[&str]) -> Output {
         .expect("the program")
 }
 
-/// A bundle of the twin itself, simulated from commands that change every half second; numbers 7 apart are the same.
+/// A bundle of the twin itself, simulated from commands that change every half second; numbers 7 apart are almost the same.
 fn simulated(folder: &Path, number: u32) -> String {
     let commands = folder.join(format!("commands-{number}"));
     std::fs::create_dir_all(&commands).expect("a folder");
@@ -42,7 +42,7 @@ fn simulated(folder: &Path, number: u32) -> String {
         table += &format!(
             "{:.6},{},0,{},{pose}\n",
             f64::from(tick) / 120.0,
-            0.15 * phase,
+            0.15 * phase * (1.0 + 0.002 * f64::from(number)),
             0.3 * phase
         );
     }

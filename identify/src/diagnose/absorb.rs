@@ -2,6 +2,8 @@
 
 use crate::fit::{Problem, fit};
 use crate::floor::{Floor, Metric};
+use crate::hypothesis::Knob;
+use crate::record::Record;
 use crate::select::{Finalist, Stop};
 
 /// An effect is in the references when it gains this much there, and a run this part of what it gains in the runs.
@@ -11,7 +13,7 @@ const BACKGROUND: f64 = 0.35;
 const PERHAPS_SEEN: f64 = 0.1;
 
 /// Takes into the floor's model what the references have of the accepted effect, or, when none is accepted, the best of what they have as well.
-pub(super) fn absorb_one(floor: &mut Floor, metric: &Metric, stop: &Stop, runs: usize) -> bool {
+pub(super) fn absorb_one(floor: &mut Floor, metric: &Metric, stop: &Stop, runs: &[Record]) -> bool {
     let is_there = |(position, finalist): &(usize, &Finalist)| match stop.accepted {
         Some(accepted) => *position == accepted && finalist.in_references > PERHAPS_SEEN,
         None => finalist.is_background(),
@@ -23,8 +25,14 @@ pub(super) fn absorb_one(floor: &mut Floor, metric: &Metric, stop: &Stop, runs: 
 
 /// An effect fitted to the references from where the runs have it: taken into the floor's model when it is there as well.
 ///
-/// - `runs`: number of training runs, which the finalist's gain is of.
-fn absorb(floor: &mut Floor, metric: &Metric, finalist: &Finalist, runs: usize) -> bool {
+/// - `runs`: the training runs, which the finalist's gain is of.
+fn absorb(floor: &mut Floor, metric: &Metric, finalist: &Finalist, runs: &[Record]) -> bool {
+    // The calibration of the references had its say on what is a knob of its own.
+    let candidate = &finalist.member.candidate;
+    let is_knob = |knob: &Knob| candidate.axes.iter().any(|axis| knob.is(candidate, axis.name));
+    if floor.knobs.iter().any(is_knob) {
+        return false;
+    }
     let problem = Problem {
         records: &floor.references,
         metric,
@@ -42,11 +50,22 @@ fn absorb(floor: &mut Floor, metric: &Metric, finalist: &Finalist, runs: usize) 
     } else {
         true
     };
-    let a_run = fit.gain / floor.references.len() as f64;
-    if fit.gain < SEEN || a_run < BACKGROUND * finalist.gain_train / runs as f64 || !alike {
+    // For as much of each as is trusted.
+    let there = fit.gain / trusted(&floor.references);
+    let here = finalist.gain_train / trusted(runs);
+    if fit.gain < SEEN || there < BACKGROUND * here || !alike {
         return false;
     }
     let effect = member.candidate.effect(&member.values);
     floor.absorb(vec![effect], fit.residuals);
     true
+}
+
+/// So many runs with all of their windows are worth what is trusted of some.
+fn trusted(records: &[Record]) -> f64 {
+    let of = |record: &Record| {
+        let trust: f64 = record.windows.iter().map(|window| window.trust).sum();
+        trust / record.windows.len().max(1) as f64
+    };
+    records.iter().map(of).sum::<f64>().max(1e-9)
 }

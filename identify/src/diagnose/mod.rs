@@ -44,7 +44,7 @@ use described::described;
 use energy::Energies;
 use evenness::{Evenness, evenness};
 use louder::Compared;
-use prepared::{Prepared, enough, prepare};
+use prepared::{Prepared, Whole, enough, prepare};
 use usable::{check, usable};
 use validation_gap::{adds_nothing, prefer};
 
@@ -327,7 +327,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
             break;
         }
         let is_absorbed = match &reference_metric {
-            Some(metric) => absorb_one(&mut case.floor, metric, &stop, train.records.len()),
+            Some(metric) => absorb_one(&mut case.floor, metric, &stop, &train.records),
             None => false,
         };
         if is_absorbed {
@@ -355,17 +355,22 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
             }
             if is_described {
                 is_asked_for_losses = true;
+                let mut whole = Whole::of(&case.floor, &train, &validation);
                 let question = Question {
                     case,
                     members: &members,
                     stages: &stages,
-                    train: &train,
-                    validation: &validation,
-                    references: reference_metric.as_ref(),
+                    train: &whole.train,
+                    validation: &whole.validation,
+                    references: whole.references.as_ref(),
                     threshold,
                 };
                 match question.answer(workers)? {
                     Ok(found) => {
+                        for side in [&mut whole.train, &mut whole.validation] {
+                            side.renew(workers, &case.floor, &case.floor.model)?;
+                        }
+                        levels(case, whole.references.as_ref(), &whole.train, &whole.validation);
                         members.push(found.taken.finalist.member.clone());
                         (train, validation) = arrived::put(case, *found);
                         hear(&mut case.floor, &mut train, &mut validation);
@@ -442,8 +447,14 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
         coarse = train.thinned(&case.floor);
         kept.outdate();
     }
-    case.energies.name(&train, &validation);
-    case.levels.after = compared(&case.floor, reference_metric.as_ref(), &train, &validation);
+    if case.arrived.is_empty() {
+        case.energies.name(&train, &validation);
+        case.levels.after = compared(&case.floor, reference_metric.as_ref(), &train, &validation);
+    } else {
+        let whole = Whole::of(&case.floor, &train, &validation);
+        case.energies.name(&whole.train, &whole.validation);
+        case.levels.after = compared(&case.floor, whole.references.as_ref(), &whole.train, &whole.validation);
+    }
     finish(workers, case, &stages, members)
 }
 

@@ -44,6 +44,17 @@ impl Prepared {
         Ok(())
     }
 
+    /// The same with all windows at their weight.
+    fn trusting(&self, floor: &Floor) -> Prepared {
+        let records: Vec<Record> = self.records.iter().map(Record::trusted).collect();
+        Prepared {
+            metric: floor.metric(&records, &self.sensitivities),
+            records,
+            residuals: self.residuals.clone(),
+            sensitivities: self.sensitivities.clone(),
+        }
+    }
+
     pub fn side(&self) -> Side<'_> {
         Side {
             records: &self.records,
@@ -75,6 +86,25 @@ impl Prepared {
             sensitivities,
             metric,
         })
+    }
+}
+
+/// References and runs with all windows at their weight: set-points are lost in few of them.
+pub(super) struct Whole {
+    /// Product of the references, where there are some.
+    pub references: Option<Metric>,
+    pub train: Prepared,
+    pub validation: Prepared,
+}
+
+impl Whole {
+    pub fn of(floor: &Floor, train: &Prepared, validation: &Prepared) -> Whole {
+        let references: Vec<Record> = floor.references.iter().map(Record::trusted).collect();
+        Whole {
+            references: (!references.is_empty()).then(|| floor.metric(&references, &floor.sensitivities)),
+            train: train.trusting(floor),
+            validation: validation.trusting(floor),
+        }
     }
 }
 
