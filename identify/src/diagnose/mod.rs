@@ -240,8 +240,11 @@ pub fn diagnose(workers: &dyn Workers, input: &Input) -> Result<Diagnosis, Diagn
     assemble::assemble(workers, &mut case)
 }
 
-/// How loud the runs are under the model of their residuals: noise where references were driven otherwise, and windows that are too loud to be trusted.
+/// How loud the runs are under the model of their residuals, beside references: noise where these were driven otherwise, and windows that are too loud to be trusted.
 fn hear(floor: &mut Floor, train: &mut Prepared, validation: &mut Prepared) {
+    if floor.references.is_empty() {
+        return;
+    }
     floor.hear(&train.records, &train.residuals);
     floor.doubt_references();
     for side in [train, validation] {

@@ -389,6 +389,7 @@ impl Floor {
     /// To first order: at the optimum the scores of all references cancel, so without reference r the knobs move by -(A - A_r)^-1 s_r.
     fn leave_out(&mut self) {
         self.left_out.clone_from(&self.residuals);
+        self.noise_of_references = self.noise.clone();
         if self.references.len() < FEWEST_LEFT_OUT {
             return;
         }
@@ -511,5 +512,7 @@ mod tests {
         floor.residuals.truncate(2);
         floor.leave_out();
         assert_eq!(floor.left_out, floor.residuals);
+        // What runs are heard beside is the noise of these references all the same.
+        assert_eq!(floor.noise_of_references, floor.noise);
     }
 }
