@@ -2,7 +2,7 @@
 
 mod plant;
 
-use identify::gap::{RobotClock, end_to_end_with};
+use identify::gap::{CLOSE_ANCHOR_PERIOD_S, RobotClock, end_to_end_with};
 use identify::hypothesis::Hypothesis;
 use identify::record::{Quantity, Record, Stages, WINDOW_S, residuals};
 use plant::replayed::of_the_twin_with;
@@ -109,4 +109,33 @@ fn a_tag_above_the_floor_is_met_where_two_cameras_meet() {
         truth < 0.0008 && none > 3.0 * truth && half_more > 1.5 * truth,
         "m: {none} {truth} {half_more}"
     );
+}
+
+/// 15 cm above it is 6 cm: a start beside the line may be that of either camera, and is that of the one that goes with the path.
+#[test]
+fn a_start_is_seen_by_the_camera_that_the_path_tells() {
+    let tag = |z_m: f64| Effect::new("tag_height", &[("z", z_m)]);
+    let is_place = |quantity| matches!(quantity, Quantity::Forward | Quantity::Left);
+    let models: [&[Effect]; 3] = [&[], &[tag(0.15)], &[tag(0.18)]];
+    let [none, truth, more] = left("awd", &tag(0.15), (is_place, WINDOW_S), models);
+    assert!(
+        truth < 0.0015 && none > 5.0 * truth && more > 1.5 * truth,
+        "m: {none} {truth} {more}"
+    );
+}
+
+#[test]
+fn predictions_begin_where_the_robot_is_and_not_where_it_is_seen() {
+    let description = robot("diff2");
+    let tag = Effect::new("tag_height", &[("z", 0.15)]);
+    let driven = run("run", &description, &Change::none(), 71, 20, false);
+    let seen = of_the_twin_with(driven, description.clone(), core::slice::from_ref(&tag), 1);
+    let position_m = |effects: &[Effect]| {
+        let robot = Robot::with_effects(description.clone(), effects).unwrap();
+        let gap = end_to_end_with(&seen.bundle, &robot, RobotClock::default(), CLOSE_ANCHOR_PERIOD_S).unwrap();
+        gap.horizons[2].position_m
+    };
+    let (without, with) = (position_m(&[]), position_m(core::slice::from_ref(&tag)));
+    // A prediction that is 1 mm off beside the line is seen 13 cm off there.
+    assert!(with < 0.3 * without, "m: {without} {with}");
 }

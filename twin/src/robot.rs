@@ -329,17 +329,43 @@ impl Robot {
         if !effect::moves_poses(&self.sensors) {
             return seen;
         }
-        let mut pose = seen;
-        for _ in 0..INVERSE_STEPS {
-            let now = effect::seen_pose(&self.sensors, pose);
-            pose.x_m += seen.x_m - now.x_m;
-            pose.y_m += seen.y_m - now.y_m;
-            pose.yaw_rad += wrapped_rad(seen.yaw_rad - now.yaw_rad);
+        inverse(seen, |pose| effect::seen_pose(&self.sensors, pose))
+    }
+
+    /// All poses that the tracker sees at `seen`: two where either camera may have seen it (tags above the floor near the line between them), the one of
+    /// the camera of that side first. A pose may lie up to `beyond_m` on the other camera's side; without any it is that of
+    /// [`Robot::pose_seen_at`].
+    pub fn poses_seen_at(&self, seen: Pose, beyond_m: f64) -> Vec<Pose> {
+        if !effect::tells_cameras_apart(&self.sensors) {
+            return vec![self.pose_seen_at(seen)];
         }
-        pose
+        let own_side = 1.0_f64.copysign(seen.x_m);
+        let mut poses = Vec::with_capacity(2);
+        for side in [own_side, -own_side] {
+            let pose = inverse(seen, |pose| effect::seen_pose_in(&self.sensors, pose, side));
+            if side * pose.x_m > -beyond_m {
+                poses.push(pose);
+            }
+        }
+        if poses.is_empty() {
+            poses.push(self.pose_seen_at(seen));
+        }
+        poses
     }
 
     pub(crate) fn sensors(&self) -> &[SensorStage] {
         &self.sensors
     }
+}
+
+/// The pose that `see` maps to `seen`.
+fn inverse(seen: Pose, see: impl Fn(Pose) -> Pose) -> Pose {
+    let mut pose = seen;
+    for _ in 0..INVERSE_STEPS {
+        let now = see(pose);
+        pose.x_m += seen.x_m - now.x_m;
+        pose.y_m += seen.y_m - now.y_m;
+        pose.yaw_rad += wrapped_rad(seen.yaw_rad - now.yaw_rad);
+    }
+    pose
 }

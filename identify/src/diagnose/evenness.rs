@@ -5,7 +5,7 @@
 //! variance between windows is that of random effects (DerSimonian and Laird 1986).
 
 use crate::floor::Metric;
-use crate::record::{Chain, Record};
+use crate::record::Record;
 
 /// Windows with less evidence than this say nothing.
 const LEAST_EVIDENCE: f64 = 0.5;
@@ -47,16 +47,13 @@ pub(super) fn evenness(
     for (run, record) in records.iter().enumerate() {
         let change = metric.rest(run, &changes[run]);
         let residual = metric.rest(run, &residuals[run]);
-        let mut from = 0;
-        for window in &record.windows {
-            let to = from + window.drive.len() + window.rolling.as_ref().map_or(0, Chain::len);
-            let pairs = || change[from..to].iter().zip(&residual[from..to]);
+        for cells in record.cells_of_windows() {
+            let pairs = || change[cells.clone()].iter().zip(&residual[cells.clone()]);
             let evidence: f64 = pairs().map(|(change, _)| change * change).sum();
             let along: f64 = pairs().map(|(change, residual)| change * residual).sum();
             if evidence > LEAST_EVIDENCE {
                 windows.push((evidence, along / evidence));
             }
-            from = to;
         }
     }
     spread(&windows)

@@ -2,7 +2,7 @@
 
 use crate::floor::{Floor, Metric, knob_changes};
 use crate::hypothesis::Hypothesis;
-use crate::record::{Chain, Record, Stages, Window};
+use crate::record::{Record, Stages, Window};
 use crate::screen::{all_residuals, columns};
 use crate::select::Side;
 use crate::workers::{Cancelled, Workers};
@@ -139,13 +139,10 @@ fn compared_s(window: &Window) -> f64 {
 /// The residuals of some windows.
 fn rows_of(record: &Record, kept: &[bool], vector: &[f64]) -> Vec<f64> {
     let mut rows = Vec::with_capacity(vector.len());
-    let mut from = 0;
-    for (window, kept) in record.windows.iter().zip(kept) {
-        let to = from + window.drive.len() + window.rolling.as_ref().map_or(0, Chain::len);
+    for (cells, kept) in record.cells_of_windows().into_iter().zip(kept) {
         if *kept {
-            rows.extend_from_slice(&vector[from..to]);
+            rows.extend_from_slice(&vector[cells]);
         }
-        from = to;
     }
     rows
 }

@@ -9,7 +9,7 @@ use super::Floor;
 use crate::record::Record;
 
 /// A window counts at most as if it were so many times as loud as is expected.
-const LOUDEST: f64 = 3.0;
+pub const LOUDEST: f64 = 3.0;
 
 impl Floor {
     /// Sets how far the windows of records are trusted. Without references nothing tells how loud is too loud, and all are.
@@ -29,17 +29,28 @@ impl Floor {
         self.references = references;
     }
 
+    /// Weighted energy that is expected of every window of a record, trusted or not.
+    pub fn expected_of_windows(&self, record: &Record) -> Vec<f64> {
+        let mut expected = vec![0.0; record.windows.len()];
+        for place in record.places() {
+            if let Some(quantity) = place.quantity {
+                expected[place.window] += 1.0 / self.noise.classes[quantity.class()].correlation;
+            }
+        }
+        expected
+    }
+
     fn set_trust(&self, records: &mut [Record], residuals: &[Vec<f64>]) {
         for (record, residual) in records.iter_mut().zip(residuals) {
-            let mut sums = vec![(0.0, 0.0); record.windows.len()];
+            let mut energies = vec![0.0; record.windows.len()];
             let places = record.places();
             for ((place, weight), value) in places.iter().zip(self.noise.weights(record)).zip(residual) {
-                if let Some(quantity) = place.quantity {
-                    sums[place.window].0 += weight * value * value;
-                    sums[place.window].1 += 1.0 / self.noise.classes[quantity.class()].correlation;
+                if place.quantity.is_some() {
+                    energies[place.window] += weight * value * value;
                 }
             }
-            for (window, (energy, expected)) in record.windows.iter_mut().zip(sums) {
+            let expected = self.expected_of_windows(record);
+            for ((window, energy), expected) in record.windows.iter_mut().zip(energies).zip(expected) {
                 window.trust = (LOUDEST * expected / f64::max(energy, 1e-300)).min(1.0);
             }
         }

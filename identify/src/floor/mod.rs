@@ -12,5 +12,6 @@ mod variation;
 
 pub use calibrate::{Floor, knob_changes};
 pub use description::{Estimate, Said};
+pub use doubt::LOUDEST;
 pub use metric::{Metric, dot};
 pub use noise::{ClassNoise, NoiseModel, sensor_sigmas};

@@ -20,6 +20,7 @@ pub use quantity::{CHANNELS, CLASSES, Quantity, UNITS};
 pub use simulate::{Stages, residuals};
 pub use smooth::smoothed;
 
+use core::ops::Range;
 use twin::free::Start;
 use twin::replay::{CommandRow, HeldCommand};
 
@@ -64,6 +65,9 @@ pub struct PoseCell {
 /// Poses so near to the line between the two cameras' fields (x = 0 in the library) are not compared: a tag above the floor is seen up to
 /// some centimetres aside, to the other side by the other camera, and nobody knows which one saw it.
 const SEAM_M: f64 = 0.05;
+
+/// So far beyond that line one of the cameras may still have seen a start, m: starts are smoothed over the jump from one to the other.
+pub(crate) const BEYOND_THE_LINE_M: f64 = 0.05;
 
 impl PoseCell {
     /// Which camera saw it is not known.
@@ -233,10 +237,18 @@ impl Record {
 
     /// Number of residuals.
     pub fn len(&self) -> usize {
-        self.windows
-            .iter()
-            .map(|window| window.drive.len() + window.rolling.as_ref().map_or(0, Chain::len))
-            .sum()
+        self.cells_of_windows().last().map_or(0, |cells| cells.end)
+    }
+
+    /// Where every window's residuals are among the record's.
+    pub fn cells_of_windows(&self) -> Vec<Range<usize>> {
+        let mut end = 0;
+        let windows = self.windows.iter().map(|window| {
+            let from = end;
+            end += window.drive.len() + window.rolling.as_ref().map_or(0, Chain::len);
+            from..end
+        });
+        windows.collect()
     }
 
     /// True when no window could be made.

@@ -1,5 +1,6 @@
 //! What speaks for a fitted candidate, and what speaks against it.
 
+use super::bounded::{Bounded, bounded};
 use super::round::{Finalist, Fitted, Round, VALIDATION_GAIN, difference, slices, weak_bar};
 use crate::fit::with_members;
 use crate::floor::Metric;
@@ -64,15 +65,17 @@ pub(super) fn judge(data: &Round, fitted: &Fitted, threshold: f64) -> Finalist {
         return finalist;
     };
     if !changed.is_empty() {
-        let own = difference(data.validation.residuals, &changed);
+        let bounded = bounded(data, changed);
+        let changed = &bounded.residuals;
+        let own = difference(data.validation.residuals, changed);
         let gram = data
             .validation
             .metric
-            .gram(&[slices(data.validation.residuals), slices(&changed), slices(&own)]);
+            .gram(&[slices(data.validation.residuals), slices(changed), slices(&own)]);
         finalist.gain_validation = gram.at(0, 0) - gram.at(1, 1);
         finalist.change_validation = gram.at(2, 2);
-        finalist.harmful = harmful(data, &changed, finalist.gain_validation);
-        finalist.worse = worse(data, &changed, finalist.gain_validation);
+        finalist.harmful = harmful(data, changed, finalist.gain_validation);
+        finalist.worse = worse(data, &bounded, finalist.gain_validation);
     }
     if let Some(metric) = data.reference_metric {
         finalist.in_references = amplitude_in_references(data, metric, &alone, own_stages).unwrap_or(0.0);
@@ -126,10 +129,10 @@ fn harmful(data: &Round, changed: &[Vec<f64>], gain: f64) -> f64 {
 
 /// The channel of the validation runs that loses most, and its loss as a share of the whole gain, everyday differences taken out of both:
 /// what the gain does not count is no loss.
-fn worse(data: &Round, changed: &[Vec<f64>], gain: f64) -> Option<(usize, f64)> {
+fn worse(data: &Round, bounded: &Bounded, gain: f64) -> Option<(usize, f64)> {
     let mut energies = [Energies::default(); CLASSES];
     for (run, record) in data.validation.records.iter().enumerate() {
-        let (base, changed) = (&data.validation.residuals[run], &changed[run]);
+        let (base, changed) = (&data.validation.residuals[run], &bounded.residuals[run]);
         let metric = data.validation.metric;
         let rests = metric.rest(run, base).into_iter().zip(metric.rest(run, changed));
         let residuals = base.iter().zip(changed);
@@ -138,8 +141,10 @@ fn worse(data: &Round, changed: &[Vec<f64>], gain: f64) -> Option<(usize, f64)> 
                 let class = &mut energies[quantity.class()];
                 class.weighted[0] += rest.0 * rest.0;
                 class.weighted[1] += rest.1 * rest.1;
-                class.plain[0] += before * before;
-                class.plain[1] += after * after;
+                if bounded.shares[run][place.window] == 1.0 {
+                    class.plain[0] += before * before;
+                    class.plain[1] += after * after;
+                }
             }
         }
     }
@@ -150,7 +155,7 @@ fn worse(data: &Round, changed: &[Vec<f64>], gain: f64) -> Option<(usize, f64)> 
 #[derive(Debug, Clone, Copy, Default)]
 struct Energies {
     weighted: [f64; 2],
-    /// In the channel's own unit, squared.
+    /// In the channel's own unit, squared, of the windows in which all of the candidate's change counts.
     plain: [f64; 2],
 }
 
@@ -180,13 +185,10 @@ fn window_gains(metric: &Metric, run: usize, record: &Record, before: &[f64], af
 /// Energy of every window of a run, everyday differences taken out as in a run's gain.
 pub fn window_energies(metric: &Metric, run: usize, record: &Record, vector: &[f64]) -> Vec<f64> {
     let rest = metric.rest(run, vector);
-    let mut from = 0;
-    let mut energies: Vec<f64> = Vec::with_capacity(record.windows.len());
-    for window in &record.windows {
-        let to = from + window.drive.len() + window.rolling.as_ref().map_or(0, crate::record::Chain::len);
-        energies.push(rest[from..to].iter().map(|value| value * value).sum());
-        from = to;
-    }
+    let cells = record.cells_of_windows().into_iter();
+    let mut energies: Vec<f64> = cells
+        .map(|cells| rest[cells].iter().map(|value| value * value).sum())
+        .collect();
     let whole = metric.gram_of_run(run, &[vector]).at(0, 0);
     let cost = (whole - energies.iter().sum::<f64>()) / energies.len().max(1) as f64;
     energies.iter_mut().for_each(|energy| *energy += cost);

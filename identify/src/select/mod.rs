@@ -1,5 +1,6 @@
 //! Choosing: roles of runs, acceptance of an effect, what the data cannot tell apart.
 
+mod bounded;
 mod curve;
 mod evidence;
 mod fits;

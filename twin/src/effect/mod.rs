@@ -20,7 +20,9 @@ use std::collections::BTreeMap;
 pub(crate) use check::check;
 pub(crate) use dynamics::{Dynamics, Runtime};
 pub(crate) use parametric::{physical, shape, tracked};
-pub(crate) use sensor::{History, SensorStage, moves_poses, seen_pose, stages as sensor_stages};
+pub(crate) use sensor::{
+    History, SensorStage, moves_poses, seen_pose, seen_pose_in, stages as sensor_stages, tells_cameras_apart,
+};
 
 /// One effect as it stands in a model document.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -137,6 +137,11 @@ impl SensorStage {
 
     /// The part of it that changes where the tracker sees a pose; times are left out.
     fn apply_to_pose(&self, pose: &mut Pose) {
+        self.apply_to_pose_in(pose, pose.x_m);
+    }
+
+    /// The same in the picture of the camera on the side of `camera_x_m`.
+    fn apply_to_pose_in(&self, pose: &mut Pose, camera_x_m: f64) {
         match self {
             SensorStage::Marker { yaw_rad, x_m, y_m } => {
                 let (sin, cos) = libm::sincos(pose.yaw_rad);
@@ -145,7 +150,7 @@ impl SensorStage {
                 pose.yaw_rad = wrapped_rad(pose.yaw_rad + yaw_rad);
             }
             SensorStage::TagHeight { factor } => {
-                let foot_m = CAMERA_FOOT_X_M.copysign(pose.x_m);
+                let foot_m = CAMERA_FOOT_X_M.copysign(camera_x_m);
                 pose.x_m = foot_m + factor * (pose.x_m - foot_m);
                 pose.y_m *= factor;
             }
@@ -159,7 +164,7 @@ impl SensorStage {
                 pose.x_m *= factor;
                 pose.y_m *= factor;
             }
-            SensorStage::Seam { x_m, y_m, yaw_rad } if pose.x_m > 0.0 => {
+            SensorStage::Seam { x_m, y_m, yaw_rad } if camera_x_m > 0.0 => {
                 let (sin, cos) = libm::sincos(*yaw_rad);
                 let (dx, dy) = (pose.x_m - CAMERA_FOOT_X_M, pose.y_m);
                 *pose = Pose {
@@ -177,6 +182,21 @@ impl SensorStage {
 pub(crate) fn seen_pose(stages: &[SensorStage], mut pose: Pose) -> Pose {
     stages.iter().for_each(|stage| stage.apply_to_pose(&mut pose));
     pose
+}
+
+/// Where the camera on the side of `camera_x_m` sees a robot, wherever that is.
+pub(crate) fn seen_pose_in(stages: &[SensorStage], mut pose: Pose, camera_x_m: f64) -> Pose {
+    stages
+        .iter()
+        .for_each(|stage| stage.apply_to_pose_in(&mut pose, camera_x_m));
+    pose
+}
+
+/// Whether it matters which camera sees a robot.
+pub(crate) fn tells_cameras_apart(stages: &[SensorStage]) -> bool {
+    stages
+        .iter()
+        .any(|stage| matches!(stage, SensorStage::TagHeight { .. } | SensorStage::Seam { .. }))
 }
 
 /// Whether the tracker sees robots elsewhere than they are.
