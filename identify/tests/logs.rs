@@ -7,7 +7,7 @@ mod real_logs;
 
 use identify::bundle::Bundle;
 use identify::diagnose::Diagnosis;
-use identify::fit::{Fit, Member, Problem, fit};
+use identify::fit::{Bounds, Fit, Member, Problem, fit};
 use identify::floor::Floor;
 use identify::hypothesis::{Candidate, Excitation, Hypothesis, candidates};
 use identify::record::{Record, Stages, residuals};
@@ -170,6 +170,7 @@ fn fitted(side: &Side, model: &Hypothesis, members: Vec<Member>) -> Fit {
     let problem = Problem {
         records: &side.records,
         metric: &metric,
+        bounds: &Bounds::of(&floor, &side.records),
         base: model,
         residuals: &side.residuals,
         wanted_gain: f64::NEG_INFINITY,

@@ -1,6 +1,6 @@
 //! What the references have of an effect is no difference to them: it goes into the floor's model.
 
-use crate::fit::{Problem, fit};
+use crate::fit::{Bounds, Problem, fit};
 use crate::floor::{Floor, Metric};
 use crate::hypothesis::Knob;
 use crate::record::Record;
@@ -36,6 +36,7 @@ fn absorb(floor: &mut Floor, metric: &Metric, finalist: &Finalist, runs: &[Recor
     let problem = Problem {
         records: &floor.references,
         metric,
+        bounds: &Bounds::of(floor, &floor.references),
         base: &floor.model,
         residuals: &floor.residuals,
         wanted_gain: f64::NEG_INFINITY,

@@ -104,6 +104,7 @@ pub(super) fn described(
     let problem = Problem {
         records: &train.records,
         metric: &train.metric,
+        bounds: &train.bounds,
         base: &floor.model,
         residuals: &train.residuals,
         wanted_gain: f64::NEG_INFINITY,

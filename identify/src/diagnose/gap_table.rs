@@ -97,7 +97,13 @@ fn gaps(case: &Case, known: &Known, after: &Errors) -> (Vec<Gap>, Option<f64>) {
         };
         let squares_after: Vec<f64> = samples_after.iter().map(|sample| sample.square).collect();
         let (before, now) = (rms(samples), rms(samples_after));
-        let (low, high) = interval(&squares_after, case.input.seed ^ (class as u64 * 16 + horizon as u64));
+        let block = if class < POSE {
+            1
+        } else {
+            overlapping(HORIZONS_S[horizon])
+        };
+        let seed = case.input.seed ^ (class as u64 * 16 + horizon as u64);
+        let (low, high) = interval(&squares_after, block, seed);
         let room = before * before - floor_rms * floor_rms;
         let explained = (room > 0.0).then(|| (before * before - now * now) / room);
         if let (Some(explained), true) = (explained, before > 1.5 * floor_rms) {
@@ -156,13 +162,23 @@ fn rms_of(squares: &[f64]) -> f64 {
     (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
 }
 
-fn interval(squares: &[f64], seed: u64) -> (f64, f64) {
+/// Predictions so far ahead that share a part of their way with one of them.
+fn overlapping(horizon_s: f64) -> usize {
+    libm::ceil(horizon_s / CLOSE_ANCHOR_PERIOD_S) as usize
+}
+
+/// Of the root mean square, 95 %: drawn in blocks of neighbours, which err together (moving blocks, Kuensch 1989), the last one wrapped around to the first.
+fn interval(squares: &[f64], block: usize, seed: u64) -> (f64, f64) {
     let mut random = Random::new(seed, 0x6761_7073);
+    let count = squares.len();
     let mut values: Vec<f64> = (0..REPLICATES)
         .map(|_| {
-            let drawn: Vec<f64> = (0..squares.len())
-                .map(|_| squares[random.below(squares.len())])
-                .collect();
+            let mut drawn = Vec::with_capacity(count + block);
+            while drawn.len() < count {
+                let first = random.below(count);
+                drawn.extend((first..first + block).map(|k| squares[k % count]));
+            }
+            drawn.truncate(count);
             rms_of(&drawn)
         })
         .collect();
@@ -212,6 +228,20 @@ mod tests {
         let references = [&[sample(1.0, 1.0); 9][..], &[sample(100.0, 1600.0)]].concat();
         let quiet = floor_of(&references, &[sample(0.0, 1.0)], 0);
         assert!((quiet - 1.0).abs() < 0.1, "{quiet}");
+    }
+
+    /// Ten predictions of 5 s begin on the way of one: their errors are one error.
+    #[test]
+    fn errors_of_overlapping_predictions_count_once() {
+        let squares: Vec<f64> = (0..60).map(|k| if k / 10 % 3 == 0 { 9.0 } else { 1.0 }).collect();
+        let (apart, together) = (interval(&squares, 1, 3), interval(&squares, overlapping(5.0), 3));
+        assert_eq!((overlapping(5.0), overlapping(0.5)), (10, 1));
+        let rms = rms_of(&squares);
+        assert!(together.0 < apart.0 && together.1 > apart.1 && apart.0 < rms && rms < apart.1);
+        assert!(
+            together.1 - together.0 > 1.5 * (apart.1 - apart.0),
+            "{together:?} {apart:?}"
+        );
     }
 
     #[test]

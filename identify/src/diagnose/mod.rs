@@ -249,7 +249,7 @@ fn hear(floor: &mut Floor, train: &mut Prepared, validation: &mut Prepared) {
     floor.doubt_references();
     for side in [train, validation] {
         floor.doubt(&mut side.records, &side.residuals);
-        side.metric = floor.metric(&side.records, &side.sensitivities);
+        side.weigh(floor);
     }
 }
 
@@ -415,6 +415,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
         let problem = Problem {
             records: &train.records,
             metric: &train.metric,
+            bounds: &train.bounds,
             base: &case.floor.model,
             residuals: &base,
             wanted_gain: f64::NEG_INFINITY,
@@ -482,6 +483,7 @@ fn finish(
     let problem = Problem {
         records: &both.records,
         metric: &both.metric,
+        bounds: &both.bounds,
         base: &case.floor.model,
         residuals: &both.residuals,
         wanted_gain: f64::NEG_INFINITY,

@@ -1,5 +1,6 @@
 //! Residuals, sensitivities and product of the runs of a role.
 
+use crate::fit::Bounds;
 use crate::floor::{Floor, Metric, knob_changes};
 use crate::hypothesis::Hypothesis;
 use crate::record::{Record, Stages, Window};
@@ -18,6 +19,9 @@ pub(super) struct Prepared {
     pub residuals: Vec<Vec<f64>>,
     pub sensitivities: Vec<Vec<Vec<f64>>>,
     pub metric: Metric,
+    pub bounds: Bounds,
+    /// The product in which loud windows count like all others, where references tell which are loud.
+    whole: Option<Metric>,
 }
 
 impl Prepared {
@@ -27,8 +31,15 @@ impl Prepared {
         for (residual, new) in self.residuals.iter_mut().zip(simulated) {
             *residual = new.unwrap_or_else(|| residual.clone());
         }
-        self.metric = floor.metric(&self.records, &self.sensitivities);
+        self.weigh(floor);
         Ok(())
+    }
+
+    /// The floor's present weights.
+    pub fn weigh(&mut self, floor: &Floor) {
+        self.metric = floor.metric(&self.records, &self.sensitivities);
+        self.bounds = Bounds::of(floor, &self.records);
+        self.whole = whole(floor, &self.records, &self.sensitivities);
     }
 
     /// Windows that are loud under another model count less.
@@ -40,7 +51,7 @@ impl Prepared {
         let pairs = simulated.into_iter().zip(&self.residuals);
         let residuals: Vec<Vec<f64>> = pairs.map(|(new, old)| new.unwrap_or_else(|| old.clone())).collect();
         floor.doubt(&mut self.records, &residuals);
-        self.metric = floor.metric(&self.records, &self.sensitivities);
+        self.weigh(floor);
         Ok(())
     }
 
@@ -48,7 +59,9 @@ impl Prepared {
     fn trusting(&self, floor: &Floor) -> Prepared {
         let records: Vec<Record> = self.records.iter().map(Record::trusted).collect();
         Prepared {
+            whole: None,
             metric: floor.metric(&records, &self.sensitivities),
+            bounds: Bounds::of(floor, &records),
             records,
             residuals: self.residuals.clone(),
             sensitivities: self.sensitivities.clone(),
@@ -59,6 +72,8 @@ impl Prepared {
         Side {
             records: &self.records,
             metric: &self.metric,
+            bounds: &self.bounds,
+            whole: self.whole.as_ref(),
             residuals: &self.residuals,
         }
     }
@@ -81,12 +96,19 @@ impl Prepared {
         let sensitivities: Vec<Vec<Vec<f64>>> = self.sensitivities.iter().map(|knob| rows(knob)).collect();
         let metric = floor.metric(&records, &sensitivities);
         Some(Prepared {
+            bounds: Bounds::of(floor, &records),
+            whole: whole(floor, &records, &sensitivities),
             records,
             residuals,
             sensitivities,
             metric,
         })
     }
+}
+
+fn whole(floor: &Floor, records: &[Record], sensitivities: &[Vec<Vec<f64>>]) -> Option<Metric> {
+    let trusted = || records.iter().map(Record::trusted).collect::<Vec<Record>>();
+    (!floor.references.is_empty()).then(|| floor.metric(&trusted(), sensitivities))
 }
 
 /// References and runs with all windows at their weight: set-points are lost in few of them.
@@ -164,6 +186,8 @@ pub(super) fn prepare(
     let sensitivities = columns(workers, &records, &residuals, &changes)?;
     let metric = floor.metric(&records, &sensitivities);
     Ok(Prepared {
+        bounds: Bounds::of(floor, &records),
+        whole: whole(floor, &records, &sensitivities),
         records,
         residuals,
         sensitivities,

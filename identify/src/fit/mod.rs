@@ -1,8 +1,10 @@
 //! Bounded Levenberg-Marquardt on simulations, with a pattern search where a law is not smooth.
 
+mod bounds;
 mod search;
 mod slopes;
 
+pub use self::bounds::{Bounded, Bounds};
 use self::search::{Search, TICKS, come_nearer, is_shift, pattern, steps_of_search};
 use self::slopes::{correct, jacobian, made, moved, regularised, scale, told};
 use crate::floor::Metric;
@@ -15,6 +17,7 @@ use crate::record::Record;
 pub struct Problem<'a> {
     pub records: &'a [Record],
     pub metric: &'a Metric,
+    pub bounds: &'a Bounds,
     pub base: &'a Hypothesis,
     /// Residuals under the base.
     pub residuals: &'a [Vec<f64>],

@@ -111,10 +111,15 @@ impl<'a> Search<'a> {
         let model = with_members(self.problem.base, members);
         model.robot()?;
         self.simulations += 1;
-        let pairs = self.problem.records.iter().zip(self.problem.residuals);
-        pairs
+        let problem = self.problem;
+        let pairs = problem.records.iter().zip(problem.residuals);
+        let changed: Option<Vec<Vec<f64>>> = pairs
             .map(|(record, base)| residuals(record, &model, self.stages, Some(base)))
-            .collect()
+            .collect();
+        let kept = problem
+            .bounds
+            .keep(problem.metric, problem.records, problem.residuals, changed?);
+        Some(kept.residuals)
     }
 
     /// A patch that all wheels were on, but for a rest of the time.

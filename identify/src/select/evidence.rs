@@ -1,8 +1,8 @@
 //! What speaks for a fitted candidate, and what speaks against it.
 
-use super::bounded::{Bounded, bounded};
+use super::beyond::{beyond, sum};
 use super::round::{Finalist, Fitted, Round, VALIDATION_GAIN, difference, slices, weak_bar};
-use crate::fit::with_members;
+use crate::fit::{Bounded, with_members};
 use crate::floor::Metric;
 use crate::hypothesis::{Axis, Hypothesis};
 use crate::random::Random;
@@ -40,6 +40,7 @@ pub(super) fn judge(data: &Round, fitted: &Fitted, threshold: f64) -> Finalist {
         member,
         joint: fitted.joint.clone(),
     };
+    finalist.gain_train += sum(&beyond(data, &data.train, &fitted.fit.residuals));
     if finalist.gain_train < weak_bar(data, threshold) {
         finalist.because = gate(data, &finalist, threshold);
         return finalist;
@@ -64,18 +65,20 @@ pub(super) fn judge(data: &Round, fitted: &Fitted, threshold: f64) -> Finalist {
         finalist.because = Some("cannot be simulated on the validation runs".to_owned());
         return finalist;
     };
-    if !changed.is_empty() {
-        let bounded = bounded(data, changed);
+    let side = &data.validation;
+    let bounds = data.validation.bounds;
+    let bounded = (!changed.is_empty()).then(|| bounds.keep(side.metric, side.records, side.residuals, changed));
+    if let Some(bounded) = &bounded {
         let changed = &bounded.residuals;
         let own = difference(data.validation.residuals, changed);
         let gram = data
             .validation
             .metric
             .gram(&[slices(data.validation.residuals), slices(changed), slices(&own)]);
-        finalist.gain_validation = gram.at(0, 0) - gram.at(1, 1);
+        finalist.gain_validation = gram.at(0, 0) - gram.at(1, 1) + sum(&beyond(data, side, changed));
         finalist.change_validation = gram.at(2, 2);
         finalist.harmful = harmful(data, changed, finalist.gain_validation);
-        finalist.worse = worse(data, &bounded, finalist.gain_validation);
+        finalist.worse = worse(data, bounded, finalist.gain_validation);
     }
     if let Some(metric) = data.reference_metric {
         finalist.in_references = amplitude_in_references(data, metric, &alone, own_stages).unwrap_or(0.0);
@@ -290,10 +293,12 @@ pub(super) fn stability(data: &Round, pairs: &mut [(Finalist, &Fitted)]) {
     let gains: Vec<Vec<f64>> = pairs
         .iter()
         .map(|(_, fitted)| {
+            let beyond = beyond(data, &data.train, &fitted.fit.residuals);
             let mut all = Vec::new();
             for (run, record) in data.train.records.iter().enumerate() {
                 let (before, after) = (&data.train.residuals[run], &fitted.fit.residuals[run]);
-                all.extend(window_gains(data.train.metric, run, record, before, after));
+                let gains = window_gains(data.train.metric, run, record, before, after);
+                all.extend(gains.iter().zip(&beyond[run]).map(|(gain, more)| gain + more));
             }
             all
         })

@@ -45,6 +45,7 @@ pub(super) fn fits(
         let problem = Problem {
             records: data.coarse.records,
             metric: data.coarse.metric,
+            bounds: data.coarse.bounds,
             base: data.model,
             residuals: data.coarse.residuals,
             wanted_gain: least.max(against * most),
@@ -97,6 +98,7 @@ fn evaluated(workers: &dyn Workers, data: &Round, fitted: &[Fitted], least: f64)
     let problem = Problem {
         records: data.train.records,
         metric: data.train.metric,
+        bounds: data.train.bounds,
         base: data.model,
         residuals: data.train.residuals,
         wanted_gain: f64::NEG_INFINITY,
@@ -137,6 +139,7 @@ fn together(workers: &dyn Workers, data: &Round, fitted: &mut [Fitted]) -> Resul
     let problem = Problem {
         records: data.train.records,
         metric: data.train.metric,
+        bounds: data.train.bounds,
         base: &data.floor.model,
         residuals: &residuals,
         wanted_gain: f64::NEG_INFINITY,
@@ -167,6 +170,7 @@ fn together(workers: &dyn Workers, data: &Round, fitted: &mut [Fitted]) -> Resul
                 let few = Problem {
                     records: data.coarse.records,
                     metric: data.coarse.metric,
+                    bounds: data.coarse.bounds,
                     residuals,
                     ..problem
                 };

@@ -1,10 +1,11 @@
 //! Choosing: roles of runs, acceptance of an effect, what the data cannot tell apart.
 
-mod bounded;
+mod beyond;
 mod curve;
 mod evidence;
 mod fits;
 mod law_rest;
+mod loud_starts;
 mod round;
 mod split;
 

@@ -5,7 +5,8 @@ use twin::effect::Effect;
 use super::evidence::{judge, stability};
 use super::fits::fits;
 use super::law_rest::{Explained, decrease, energies, expected};
-use crate::fit::{Fit, Member};
+use super::loud_starts::add_loud_starts;
+use crate::fit::{Bounds, Fit, Member};
 use crate::floor::{Floor, Metric};
 use crate::hypothesis::{Candidate, Hypothesis};
 use crate::record::Record;
@@ -52,6 +53,9 @@ const BESIDE_OTHERS: f64 = 2.0;
 pub struct Side<'a> {
     pub records: &'a [Record],
     pub metric: &'a Metric,
+    pub bounds: &'a Bounds,
+    /// The product in which loud windows count like all others; `None` where they do anyway.
+    pub whole: Option<&'a Metric>,
     /// Residuals under the model of the round.
     pub residuals: &'a [Vec<f64>],
 }
@@ -213,7 +217,7 @@ impl Sensitivities {
 pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Sensitivities) -> Result<Stop, Cancelled> {
     let mut gram = None;
     if !kept.columns.is_empty() {
-        let old = products(data, &kept.columns);
+        let old = products(data, data.coarse.metric, &kept.columns);
         let most = scores(data.candidates, &old)
             .iter()
             .map(|score| score.gain)
@@ -228,10 +232,10 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Sensitivities) -> R
         None => {
             kept.columns = sensitivities(workers, data)?;
             kept.is_fresh = true;
-            products(data, &kept.columns)
+            products(data, data.coarse.metric, &kept.columns)
         }
     };
-    let scores = scores(data.candidates, &gram);
+    let mut scores = scores(data.candidates, &gram);
     let threshold = thresholds(data.candidates, &gram, LEVEL, data.seed) * data.floor.inflation();
     // What the model has already is fitted anew with what joins it.
     let is_member = |candidate: &Candidate| {
@@ -249,6 +253,17 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Sensitivities) -> R
     let mut list = short_list(data.candidates, &order, &scores);
     if list.first().is_some_and(|best| scores[*best].gain <= threshold) {
         list.truncate(WEAK_FITTED);
+    }
+    let may_join = |position: usize| {
+        scores[position].gain > weak
+            && !is_member(&data.candidates[position])
+            && !kept.is_vain(position, scores[position].gain)
+    };
+    let joining: Vec<bool> = (0..data.candidates.len()).map(may_join).collect();
+    if !list.is_empty() {
+        add_loud_starts(data, &kept.columns, &mut scores, &mut list, |position| {
+            joining[position]
+        });
     }
     let mut stop = Stop {
         scores,
@@ -410,10 +425,10 @@ fn sensitivities(workers: &dyn Workers, data: &Round) -> Result<Vec<Vec<Vec<f64>
 }
 
 /// Products of the residual and all columns on the training runs, of all of which the windows that were simulated are a share.
-fn products(data: &Round, columns: &[Vec<Vec<f64>>]) -> crate::linear::Square {
+pub(super) fn products(data: &Round, metric: &Metric, columns: &[Vec<Vec<f64>>]) -> crate::linear::Square {
     let mut vectors: Vec<Vec<&[f64]>> = vec![slices(data.coarse.residuals)];
     vectors.extend(columns.iter().map(|column| slices(column)));
-    let mut gram = data.coarse.metric.gram(&vectors);
+    let mut gram = metric.gram(&vectors);
     gram.scale(1.0 / data.share());
     gram
 }
