@@ -260,6 +260,7 @@ impl Question<'_> {
             change_validation: gains[1],
             in_references,
             stability: agreeing.count() as f64 / runs.len() as f64,
+            is_in_turn: false,
             harmful: 0.0,
             worse: None,
             because: None,

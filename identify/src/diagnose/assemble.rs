@@ -73,12 +73,7 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
         }
     }
     for taken in case.taken.iter().filter(|taken| !taken.tiny) {
-        if let Some(spread) = taken.uneven() {
-            case.remarks.push(format!(
-                "{}: the size that explains most differs from stretch to stretch by {spread:.1} times itself, so a law of another kind may be behind it",
-                taken.finalist.member.candidate.entry.name
-            ));
-        }
+        case.remarks.extend(taken.doubts());
     }
     let model = model_version(case, &after);
     let effects = named(case, is_proven);
@@ -86,7 +81,10 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
         verdict = Verdict::NoDiscrepancy;
     }
     if matches!(verdict, Verdict::Unexplained | Verdict::Partial) {
-        let nearest = case.last.as_ref().and_then(nearest_refused);
+        let unchecked = case.unchecked.as_ref().filter(|_| effects.is_empty());
+        let nearest = unchecked
+            .and_then(refused)
+            .or_else(|| nearest_refused(case.last.as_ref()?));
         case.remarks.extend(nearest);
     }
     let absorbed = absorbed(case, &effects);
@@ -162,7 +160,7 @@ fn verdict(case: &Case) -> Verdict {
     } else if case.floor.references.is_empty() {
         all.after > all.limit || louder(&levels.after).is_some()
     } else {
-        all.before > all.limit || louder(&levels.before).is_some()
+        all.before > all.limit || louder(&levels.before).is_some() || case.unchecked.is_some()
     };
     let naming: Vec<&Taken> = case.taken.iter().filter(|taken| !taken.tiny).collect();
     if naming.is_empty() {
@@ -502,8 +500,12 @@ fn nearest_refused(stop: &Stop) -> Option<String> {
         let because = finalist.because.as_ref()?;
         (finalist.gain_train > stop.threshold).then_some((finalist, because))
     });
-    let (finalist, because) = refused.max_by(|a, b| a.0.gain_train.total_cmp(&b.0.gain_train))?;
-    let candidate = &finalist.member.candidate;
+    let (finalist, _) = refused.max_by(|a, b| a.0.gain_train.total_cmp(&b.0.gain_train))?;
+    self::refused(finalist)
+}
+
+fn refused(finalist: &Finalist) -> Option<String> {
+    let (candidate, because) = (&finalist.member.candidate, finalist.because.as_ref()?);
     let of = candidate
         .index
         .map(|index| format!(" of wheel {index}"))

@@ -255,6 +255,7 @@ impl Choice<'_> {
             change_validation: gains[1],
             in_references: 0.0,
             stability,
+            is_in_turn: false,
             harmful: 0.0,
             worse: None,
             because: None,

@@ -10,6 +10,7 @@ mod error;
 mod evenness;
 mod exchange;
 mod excited;
+mod final_fit;
 mod gap_table;
 mod interval;
 mod louder;
@@ -35,14 +36,15 @@ use crate::record::{Record, Stages};
 use crate::report::Report;
 use crate::screen::{Score, all_residuals};
 use crate::select::{
-    Explained, Finalist, Role, Round, Sensitivities, Stop, decrease, difference, energies, roles, round, slack_of,
+    Explained, Finalist, Role, Round, Sensitivities, Stop, decrease, energies, roles, round, slack_of,
 };
 use crate::workers::Workers;
 use absorb::absorb_one;
 use arrived::{Answer, Question};
 use described::described;
 use energy::Energies;
-use evenness::{Evenness, evenness};
+use evenness::Evenness;
+use final_fit::finish;
 use louder::Compared;
 use prepared::{Prepared, Whole, enough, prepare};
 use usable::{check, usable};
@@ -105,7 +107,23 @@ impl Taken {
 
     /// Neither another law nor what was there before.
     fn is_sure(&self, floor: &Floor) -> bool {
-        self.uneven().is_none() && !floor.may_have_had(self.finalist.size)
+        self.doubts().is_empty() && !floor.may_have_had(self.finalist.size)
+    }
+
+    /// What speaks against believing it, for the report.
+    fn doubts(&self) -> Vec<String> {
+        let name = self.finalist.member.candidate.entry.name;
+        let uneven = self.uneven().map(|spread| {
+            format!(
+                "{name}: the size that explains most differs from stretch to stretch by {spread:.1} times itself, so a law of another kind may be behind it"
+            )
+        });
+        let in_turn = self.finalist.is_in_turn.then(|| {
+            format!(
+                "{name}: the runs kept for checking hardly show it, so it was checked on the training runs in turn; not confirmed without new runs that show it"
+            )
+        });
+        uneven.into_iter().chain(in_turn).collect()
     }
 }
 
@@ -126,6 +144,8 @@ struct Case<'a> {
     first_scores: Vec<Score>,
     first_threshold: f64,
     last: Option<Stop>,
+    /// What some runs show and the others do not, while nothing was named.
+    unchecked: Option<Finalist>,
     located: Located,
     energies: Energies,
     levels: Levels,
@@ -224,6 +244,7 @@ pub fn diagnose(workers: &dyn Workers, input: &Input) -> Result<Diagnosis, Diagn
         first_scores: Vec::new(),
         first_threshold: 0.0,
         last: None,
+        unchecked: None,
         located: Located::default(),
         energies: Energies::NOTHING,
         levels: Levels::default(),
@@ -322,6 +343,10 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
             case.first_scores = stop.scores.clone();
             case.first_threshold = stop.threshold;
         }
+        let gain = |finalist: Option<&Finalist>| finalist.map_or(0.0, |finalist| finalist.gain_train);
+        if members.is_empty() && gain(stop.unchecked()) > gain(case.unchecked.as_ref()) {
+            case.unchecked = stop.unchecked().cloned();
+        }
         if validation.records.is_empty() {
             case.remarks.push(
                 "one run: nothing is named, since nothing could be checked on a run that was not used".to_owned(),
@@ -405,6 +430,15 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
         } else {
             members.clone_from(&finalist.joint);
         }
+        // Of long data the exact fit takes longest: what adds nothing by that of some windows is not worth it.
+        let early = coarse.as_ref().and_then(|_| adds_nothing(case, &before.0, &members));
+        if let Some(because) = early {
+            (members, case.taken) = before;
+            stop.finalists[accepted].because = Some(because);
+            kept.refuse(&stop);
+            case.last = Some(stop);
+            continue;
+        }
         let base: Option<Vec<Vec<f64>>> = all_residuals(workers, &train.records, &case.floor.model)?
             .into_iter()
             .collect();
@@ -459,74 +493,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
         case.energies.name(&whole.train, &whole.validation);
         case.levels.after = compared(&case.floor, whole.references.as_ref(), &whole.train, &whole.validation);
     }
-    finish(workers, case, &stages, members)
-}
-
-/// The final numbers on training and validation runs together.
-fn finish(
-    workers: &dyn Workers,
-    case: &mut Case,
-    stages: &[Stages],
-    members: Vec<Member>,
-) -> Result<(), DiagnoseError> {
-    if members.is_empty() {
-        return Ok(());
-    }
-    workers.progress("final fit", 0.9);
-    let open = case
-        .records
-        .iter()
-        .zip(&case.roles)
-        .filter(|(_, role)| **role != Role::Locked);
-    let mut both = prepare(workers, &case.floor, open.map(|pair| pair.0.clone()).collect(), stages)?;
-    both.doubt(workers, &case.floor, &with_members(&case.floor.model, &members))?;
-    let problem = Problem {
-        records: &both.records,
-        metric: &both.metric,
-        bounds: &both.bounds,
-        base: &case.floor.model,
-        residuals: &both.residuals,
-        wanted_gain: f64::NEG_INFINITY,
-    };
-    case.fit = fit(&problem, members);
-    if let Some(fit) = &case.fit {
-        let left = both
-            .metric
-            .gram(&[fit.residuals.iter().map(Vec::as_slice).collect()])
-            .at(0, 0);
-        let noise: f64 = (0..both.records.len()).map(|run| both.metric.expected(run)).sum();
-        case.law_rest = (left - noise).max(0.0) / fit.gain.max(1.0);
-        case.scatter = fit
-            .free
-            .iter()
-            .map(|(m, a)| ((*m, *a), fit.scatter(&both.metric, *m, *a)))
-            .collect();
-        for (position, taken) in case.taken.iter_mut().enumerate().take(fit.members.len()) {
-            let mut others = fit.members.clone();
-            others.remove(position);
-            let model = with_members(&case.floor.model, &others);
-            let without: Option<Vec<Vec<f64>>> = all_residuals(workers, &both.records, &model)?.into_iter().collect();
-            taken.evenness = without.and_then(|without| {
-                let changes = difference(&without, &fit.residuals);
-                evenness(&both.metric, &both.records, &changes, &fit.residuals)
-            });
-        }
-        for (taken, member) in case.taken.iter_mut().zip(&fit.members) {
-            taken.finalist.member = member.clone();
-            taken.finalist.size = member.candidate.size(&member.values);
-            // What a model says of losses already is no news whatever its size.
-            if member.candidate.entry.name != LOST {
-                taken.tiny = taken.finalist.size < TINY;
-            }
-        }
-        let after = with_members(&case.floor.model, &fit.members);
-        let records: Vec<&Record> = both.records.iter().collect();
-        let shares = loudness::shares(&case.input.runs, &records, &case.floor.model, &after);
-        if !shares.is_empty() {
-            case.located.rank(shares, records.len());
-        }
-    }
-    Ok(())
+    finish(workers, case, &stages, members, [train, validation])
 }
 
 /// Where the gap is on the floor, as places of a patch.

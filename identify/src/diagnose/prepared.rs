@@ -22,6 +22,8 @@ pub(super) struct Prepared {
     pub bounds: Bounds,
     /// The product in which loud windows count like all others, where references tell which are loud.
     whole: Option<Metric>,
+    /// What the sensitivities are of.
+    base: Hypothesis,
 }
 
 impl Prepared {
@@ -55,10 +57,32 @@ impl Prepared {
         Ok(())
     }
 
+    /// Prepared with the floor's present model.
+    pub fn is_of(&self, floor: &Floor) -> bool {
+        self.base == floor.model && self.sensitivities.len() == floor.knobs.len()
+    }
+
+    /// With the runs of another role, under the floor's model, all windows at their weight.
+    pub fn joined(self, workers: &dyn Workers, other: Prepared, floor: &Floor) -> Result<Prepared, Cancelled> {
+        let records = self.records.iter().chain(&other.records);
+        let mut both = Prepared {
+            records: records.map(Record::trusted).collect(),
+            residuals: self.residuals.into_iter().chain(other.residuals).collect(),
+            sensitivities: self.sensitivities,
+            ..self
+        };
+        for (own, others) in both.sensitivities.iter_mut().zip(other.sensitivities) {
+            own.extend(others);
+        }
+        both.renew(workers, floor, &floor.model)?;
+        Ok(both)
+    }
+
     /// The same with all windows at their weight.
     fn trusting(&self, floor: &Floor) -> Prepared {
         let records: Vec<Record> = self.records.iter().map(Record::trusted).collect();
         Prepared {
+            base: self.base.clone(),
             whole: None,
             metric: floor.metric(&records, &self.sensitivities),
             bounds: Bounds::of(floor, &records),
@@ -98,6 +122,7 @@ impl Prepared {
         Some(Prepared {
             bounds: Bounds::of(floor, &records),
             whole: whole(floor, &records, &sensitivities),
+            base: self.base.clone(),
             records,
             residuals,
             sensitivities,
@@ -188,6 +213,7 @@ pub(super) fn prepare(
     Ok(Prepared {
         bounds: Bounds::of(floor, &records),
         whole: whole(floor, &records, &sensitivities),
+        base: floor.model.clone(),
         records,
         residuals,
         sensitivities,

@@ -64,6 +64,8 @@ const MOST_RAISES: usize = 6;
 const HOPE: f64 = 4.0;
 /// Slopes serve for a further step when the last one gained this part of what they told.
 const BORNE_OUT: core::ops::Range<f64> = 0.8..1.25;
+/// Lengths of steps in a row that may lead nowhere before a pattern search ends.
+const MOST_IN_VAIN: usize = 2;
 /// Steps after which a fit must be better than nothing.
 const PATIENCE: usize = 3;
 
@@ -214,10 +216,15 @@ pub fn fit(problem: &Problem, start: Vec<Member>) -> Option<Fit> {
             let steps = steps_of_search(rough, limited, ticks, searches);
             searches += 1;
             let mut found = false;
+            let mut in_vain = 0;
             for steps in steps {
+                if in_vain >= MOST_IN_VAIN {
+                    break;
+                }
                 if search.is_the_whole_floor(&members) {
                     return None;
                 }
+                let before = energy;
                 found |= pattern(&mut search, &mut members, &free, &mut now, &mut energy, steps);
                 let gain = base_energy - energy;
                 if gain < problem.wanted_gain || (problem.wanted_gain.is_finite() && gain <= 0.0) {
@@ -225,6 +232,8 @@ pub fn fit(problem: &Problem, start: Vec<Member>) -> Option<Fit> {
                     found = false;
                     break;
                 }
+                let is_vain = before - energy < LEAST_SHARE * gain;
+                in_vain = if is_vain { in_vain + 1 } else { 0 };
             }
             if !found {
                 break;
@@ -336,6 +345,34 @@ impl Fit {
             / total;
         let described = &self.members[member].candidate.axes[axis];
         (spread / (runs - 1) as f64).sqrt() * scale(described, self.members[member].values[axis])
+    }
+
+    /// The members as the other runs would have them, by the slopes of the fit; `None` when these do not tell.
+    pub fn without(&self, metric: &Metric, run: usize) -> Option<Vec<Member>> {
+        if self.free.is_empty() || self.jacobian.len() != self.free.len() {
+            return None;
+        }
+        let rows: Vec<usize> = (1..=self.free.len()).collect();
+        let mut normal = Square::zero(rows.len());
+        let mut right = vec![0.0; rows.len()];
+        for other in (0..self.residuals.len()).filter(|other| *other != run) {
+            let mut vectors: Vec<&[f64]> = vec![&self.residuals[other]];
+            vectors.extend(self.jacobian.iter().map(|column| column[other].as_slice()));
+            let gram = metric.gram_of_run(other, &vectors);
+            let own = gram.part(&rows);
+            normal
+                .values
+                .iter_mut()
+                .zip(&own.values)
+                .for_each(|(sum, own)| *sum += own);
+            right
+                .iter_mut()
+                .zip(&rows)
+                .for_each(|(sum, row)| *sum += gram.at(*row, 0));
+        }
+        let step = regularised(&normal, 1e-3).cholesky().solve(&right);
+        let is_told = step.iter().all(|step| step.is_finite());
+        is_told.then(|| moved(&self.members, &self.free, &step))
     }
 
     /// Standard deviation of an axis, in its unit; infinite when it was not fitted.

@@ -102,3 +102,47 @@ fn sizes_are_halved_towards_none_and_places_and_limits_stay() {
     );
     assert_eq!(halved("acceleration_limit", &[2.0]), [2.0]);
 }
+
+/// Three runs of which the first asks for more of it and the others for less: without the first it is less.
+#[test]
+fn members_without_a_run_are_those_of_the_others() {
+    use crate::floor::Floor;
+    use crate::hypothesis::{Excitation, candidates};
+    use crate::record::Quantity;
+    use crate::record::made::series;
+    let description = twin::golden::reference_robot("diff2");
+    let all = candidates(&description, &Excitation::default());
+    let friction = all
+        .into_iter()
+        .find(|candidate| candidate.entry.name == "viscous_friction");
+    let candidate = friction.expect("a diff2 has it");
+    let axis = candidate.axes[0];
+    let records: Vec<Record> = (0..3).map(|_| series(Quantity::Wheel(0), 50)).collect();
+    let floor = Floor::stated(Hypothesis::nominal(&description), Vec::new());
+    let metric = floor.metric(&records, &[]);
+    let value = 3.0 * axis.practical;
+    let fit = Fit {
+        members: vec![Member {
+            candidate,
+            values: vec![value],
+        }],
+        gain: 100.0,
+        residuals: vec![vec![1.0; 50], vec![-0.5; 50], vec![-0.5; 50]],
+        covariance: Square::zero(1),
+        free: vec![(0, 0)],
+        jacobian: vec![vec![vec![1.0; 50]; 3]],
+        simulations: 0,
+        is_given_up: false,
+    };
+    let sizes: Vec<f64> = (0..3)
+        .map(|run| (fit.without(&metric, run).expect("slopes")[0].values[0] - value) / axis.practical)
+        .collect();
+    for (found, expected) in sizes.iter().zip([-0.5, 0.25, 0.25]) {
+        assert!((found - expected).abs() < 0.002, "{sizes:?}");
+    }
+    let evaluated = Fit {
+        jacobian: Vec::new(),
+        ..fit
+    };
+    assert!(evaluated.without(&metric, 0).is_none(), "no slopes");
+}

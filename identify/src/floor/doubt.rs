@@ -78,6 +78,7 @@ mod tests {
             "nothing is known of it"
         );
         let expected: f64 = floor.noise.weighting(&runs[0]).expected.iter().sum();
+        assert_eq!(floor.expected_of_windows(&runs[0]).iter().sum::<f64>(), expected);
         floor.references = vec![series(Quantity::Wheel(0), 1)];
         floor.doubt(&mut runs, &residuals);
         let energy = |residual: &[f64]| -> f64 {

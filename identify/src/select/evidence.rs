@@ -1,7 +1,8 @@
 //! What speaks for a fitted candidate, and what speaks against it.
 
 use super::beyond::{beyond, sum};
-use super::round::{Finalist, Fitted, Round, VALIDATION_GAIN, difference, slices, weak_bar};
+use super::in_turn::{in_turn, is_hardly_shown};
+use super::round::{Finalist, Fitted, Round, Side, VALIDATION_GAIN, difference, slices, weak_bar};
 use crate::fit::{Bounded, with_members};
 use crate::floor::Metric;
 use crate::hypothesis::{Axis, Hypothesis};
@@ -33,6 +34,7 @@ pub(super) fn judge(data: &Round, fitted: &Fitted, threshold: f64) -> Finalist {
         change_validation: 0.0,
         in_references: 0.0,
         stability: 0.0,
+        is_in_turn: false,
         harmful: 1.0,
         worse: None,
         because: None,
@@ -65,26 +67,36 @@ pub(super) fn judge(data: &Round, fitted: &Fitted, threshold: f64) -> Finalist {
         finalist.because = Some("cannot be simulated on the validation runs".to_owned());
         return finalist;
     };
-    let side = &data.validation;
-    let bounds = data.validation.bounds;
-    let bounded = (!changed.is_empty()).then(|| bounds.keep(side.metric, side.records, side.residuals, changed));
-    if let Some(bounded) = &bounded {
-        let changed = &bounded.residuals;
-        let own = difference(data.validation.residuals, changed);
-        let gram = data
-            .validation
-            .metric
-            .gram(&[slices(data.validation.residuals), slices(changed), slices(&own)]);
-        finalist.gain_validation = gram.at(0, 0) - gram.at(1, 1) + sum(&beyond(data, side, changed));
-        finalist.change_validation = gram.at(2, 2);
-        finalist.harmful = harmful(data, changed, finalist.gain_validation);
-        finalist.worse = worse(data, bounded, finalist.gain_validation);
+    if !changed.is_empty() {
+        validate(data, &data.validation, changed, &mut finalist);
+        let least = VALIDATION_GAIN * data.floor.inflation();
+        if finalist.gain_train >= threshold
+            && is_hardly_shown(finalist.change_validation, finalist.gain_train, least)
+            && let Some(changed) = in_turn(data, fitted, threshold)
+        {
+            finalist.is_in_turn = true;
+            validate(data, &data.train, changed, &mut finalist);
+        }
     }
     if let Some(metric) = data.reference_metric {
         finalist.in_references = amplitude_in_references(data, metric, &alone, own_stages).unwrap_or(0.0);
     }
     finalist.because = gate(data, &finalist, threshold).or_else(|| law_rest(data, fitted, threshold));
     finalist
+}
+
+/// What runs say of a candidate that was not fitted on them.
+fn validate(data: &Round, side: &Side, changed: Vec<Vec<f64>>, finalist: &mut Finalist) {
+    let bounded = side.bounds.keep(side.metric, side.records, side.residuals, changed);
+    let changed = &bounded.residuals;
+    let own = difference(side.residuals, changed);
+    let gram = side
+        .metric
+        .gram(&[slices(side.residuals), slices(changed), slices(&own)]);
+    finalist.gain_validation = gram.at(0, 0) - gram.at(1, 1) + sum(&beyond(data, side, changed));
+    finalist.change_validation = gram.at(2, 2);
+    finalist.harmful = harmful(data, side, changed, finalist.gain_validation);
+    finalist.worse = worse(data, side, &bounded, finalist.gain_validation);
 }
 
 /// The laws of the named effects may have left what it explains.
@@ -103,16 +115,16 @@ fn law_rest(data: &Round, fitted: &Fitted, threshold: f64) -> Option<String> {
 
 /// Bootstrap of the validation windows: share of replicates with more energy than before. A run in which an effect does not act (a limit
 /// that is not reached) is not made worse by it.
-fn harmful(data: &Round, changed: &[Vec<f64>], gain: f64) -> f64 {
+fn harmful(data: &Round, side: &Side, changed: &[Vec<f64>], gain: f64) -> f64 {
     let nothing = (VALIDATION_GAIN * data.floor.inflation()).max(HARMLESS * gain);
     let mut random = Random::new(data.seed, 0x6861_726d);
     let mut runs: Vec<Vec<f64>> = Vec::new();
-    for (run, record) in data.validation.records.iter().enumerate() {
+    for (run, record) in side.records.iter().enumerate() {
         runs.push(window_gains(
-            data.validation.metric,
+            side.metric,
             run,
             record,
-            &data.validation.residuals[run],
+            &side.residuals[run],
             &changed[run],
         ));
     }
@@ -132,11 +144,11 @@ fn harmful(data: &Round, changed: &[Vec<f64>], gain: f64) -> f64 {
 
 /// The channel of the validation runs that loses most, and its loss as a share of the whole gain, everyday differences taken out of both:
 /// what the gain does not count is no loss.
-fn worse(data: &Round, bounded: &Bounded, gain: f64) -> Option<(usize, f64)> {
+fn worse(data: &Round, side: &Side, bounded: &Bounded, gain: f64) -> Option<(usize, f64)> {
     let mut energies = [Energies::default(); CLASSES];
-    for (run, record) in data.validation.records.iter().enumerate() {
-        let (base, changed) = (&data.validation.residuals[run], &bounded.residuals[run]);
-        let metric = data.validation.metric;
+    for (run, record) in side.records.iter().enumerate() {
+        let (base, changed) = (&side.residuals[run], &bounded.residuals[run]);
+        let metric = side.metric;
         let rests = metric.rest(run, base).into_iter().zip(metric.rest(run, changed));
         let residuals = base.iter().zip(changed);
         for ((place, rest), (before, after)) in record.places().iter().zip(rests).zip(residuals) {

@@ -49,3 +49,30 @@ fn is_elsewhere(candidate: &Candidate, start: &[f64], other: &[f64]) -> bool {
     let mut pairs = candidate.axes.iter().zip(start.iter().zip(other));
     pairs.any(|(axis, (a, b))| differs(axis, *a, *b))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hypothesis::{Excitation, candidates};
+
+    #[test]
+    fn the_other_side_of_neutral_is_elsewhere_and_a_little_more_is_not() {
+        let all = candidates(&twin::golden::reference_robot("rwd"), &Excitation::default());
+        let centre = all
+            .iter()
+            .find(|candidate| candidate.entry.name == "center_of_mass_offset")
+            .expect("every robot has it");
+        let practical = centre.axes[0].practical;
+        let start = [2.0 * practical, 0.0];
+        assert!(is_elsewhere(centre, &start, &[-6.0 * practical, 0.0]));
+        assert!(is_elsewhere(centre, &start, &[2.0 * practical, 1.5 * practical]));
+        assert!(
+            !is_elsewhere(centre, &start, &[2.9 * practical, 0.0]),
+            "less than a practical size"
+        );
+        assert!(
+            !is_elsewhere(centre, &[8.0 * practical, 0.0], &[11.0 * practical, 0.0]),
+            "less than half of it"
+        );
+    }
+}

@@ -4,6 +4,7 @@ mod beyond;
 mod curve;
 mod evidence;
 mod fits;
+mod in_turn;
 mod law_rest;
 mod loud_starts;
 mod round;

@@ -4,6 +4,7 @@ use twin::effect::Effect;
 
 use super::evidence::{judge, stability};
 use super::fits::fits;
+use super::in_turn::is_hardly_shown;
 use super::law_rest::{Explained, decrease, energies, expected};
 use super::loud_starts::add_loud_starts;
 use crate::fit::{Bounds, Fit, Member};
@@ -45,6 +46,8 @@ const MAJORITY: f64 = 0.5;
 const SAME: f64 = 0.95;
 /// Difference of gains, as a share, that the laws' own inaccuracy makes.
 pub(super) const LAW_SHARE: f64 = 0.02;
+/// Gain over the threshold of what nobody would call chance.
+const FAR_BEYOND: f64 = 3.0;
 /// An effect beside others needs this many thresholds: what their laws leave passes a threshold that knows chance alone. Without references
 /// several are expected.
 const BESIDE_OTHERS: f64 = 2.0;
@@ -113,6 +116,8 @@ pub struct Finalist {
     /// Amplitude at which the same change is in the references; 1 = just as much.
     pub in_references: f64,
     pub stability: f64,
+    /// The validation runs hardly show it: the gain there is that of the training runs, each with what the others say.
+    pub is_in_turn: bool,
     /// Share of bootstrap replicates of the validation runs that it makes worse.
     pub harmful: f64,
     /// Channel of the validation runs that it makes worse, by how much of what it gains in all.
@@ -158,6 +163,20 @@ pub struct Stop {
     pub alternatives: Vec<usize>,
     /// Columns' products with the residual of the training runs.
     pub simulations: usize,
+}
+
+impl Stop {
+    /// What training runs show far beyond chance and the runs kept for checking hardly do.
+    pub fn unchecked(&self) -> Option<&Finalist> {
+        let is_unchecked = |finalist: &&Finalist| {
+            finalist.because.is_some()
+                && !finalist.is_background()
+                && finalist.gain_train > FAR_BEYOND * self.threshold
+                && is_hardly_shown(finalist.change_validation, finalist.gain_train, 0.0)
+        };
+        let found = self.finalists.iter().filter(is_unchecked);
+        found.max_by(|a, b| a.gain_train.total_cmp(&b.gain_train))
+    }
 }
 
 pub(super) struct Fitted {

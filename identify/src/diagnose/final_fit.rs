@@ -1,0 +1,83 @@
+//! What was named, fitted on all open runs.
+
+use super::evenness::evenness;
+use super::prepared::{Prepared, prepare};
+use super::{Case, DiagnoseError, TINY, loudness};
+use crate::fit::{Member, Problem, fit, with_members};
+use crate::hypothesis::LOST;
+use crate::record::{Record, Stages};
+use crate::screen::all_residuals;
+use crate::select::{Role, difference};
+use crate::workers::Workers;
+
+/// The final numbers on training and validation runs together.
+///
+/// - `sides`: these runs, as they were searched.
+pub(super) fn finish(
+    workers: &dyn Workers,
+    case: &mut Case,
+    stages: &[Stages],
+    members: Vec<Member>,
+    sides: [Prepared; 2],
+) -> Result<(), DiagnoseError> {
+    if members.is_empty() {
+        return Ok(());
+    }
+    workers.progress("final fit", 0.9);
+    let [train, validation] = sides;
+    let mut both = if case.arrived.is_empty() && train.is_of(&case.floor) && validation.is_of(&case.floor) {
+        train.joined(workers, validation, &case.floor)?
+    } else {
+        let pairs = case.records.iter().zip(&case.roles);
+        let open = pairs.filter(|(_, role)| **role != Role::Locked);
+        prepare(workers, &case.floor, open.map(|pair| pair.0.clone()).collect(), stages)?
+    };
+    both.doubt(workers, &case.floor, &with_members(&case.floor.model, &members))?;
+    let problem = Problem {
+        records: &both.records,
+        metric: &both.metric,
+        bounds: &both.bounds,
+        base: &case.floor.model,
+        residuals: &both.residuals,
+        wanted_gain: f64::NEG_INFINITY,
+    };
+    case.fit = fit(&problem, members);
+    if let Some(fit) = &case.fit {
+        let left = both
+            .metric
+            .gram(&[fit.residuals.iter().map(Vec::as_slice).collect()])
+            .at(0, 0);
+        let noise: f64 = (0..both.records.len()).map(|run| both.metric.expected(run)).sum();
+        case.law_rest = (left - noise).max(0.0) / fit.gain.max(1.0);
+        case.scatter = fit
+            .free
+            .iter()
+            .map(|(m, a)| ((*m, *a), fit.scatter(&both.metric, *m, *a)))
+            .collect();
+        for (position, taken) in case.taken.iter_mut().enumerate().take(fit.members.len()) {
+            let mut others = fit.members.clone();
+            others.remove(position);
+            let model = with_members(&case.floor.model, &others);
+            let without: Option<Vec<Vec<f64>>> = all_residuals(workers, &both.records, &model)?.into_iter().collect();
+            taken.evenness = without.and_then(|without| {
+                let changes = difference(&without, &fit.residuals);
+                evenness(&both.metric, &both.records, &changes, &fit.residuals)
+            });
+        }
+        for (taken, member) in case.taken.iter_mut().zip(&fit.members) {
+            taken.finalist.member = member.clone();
+            taken.finalist.size = member.candidate.size(&member.values);
+            // What a model says of losses already is no news whatever its size.
+            if member.candidate.entry.name != LOST {
+                taken.tiny = taken.finalist.size < TINY;
+            }
+        }
+        let after = with_members(&case.floor.model, &fit.members);
+        let records: Vec<&Record> = both.records.iter().collect();
+        let shares = loudness::shares(&case.input.runs, &records, &case.floor.model, &after);
+        if !shares.is_empty() {
+            case.located.rank(shares, records.len());
+        }
+    }
+    Ok(())
+}
