@@ -286,6 +286,7 @@ impl Question<'_> {
                 excluded: Vec::new(),
                 threshold: self.threshold,
                 evenness: None,
+                may_be_none: false,
             },
             runs: runs.into_iter().chain(locked).collect(),
         })))

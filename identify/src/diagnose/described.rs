@@ -187,6 +187,7 @@ impl Choice<'_> {
                 threshold: CONTRADICTED,
                 tiny: false,
                 evenness: None,
+                may_be_none: false,
             });
             free = with;
             open.retain(|other| *other != group);

@@ -1,6 +1,7 @@
 //! What was named, fitted on all open runs.
 
 use super::evenness::evenness;
+use super::interval::may_be_none;
 use super::prepared::{Prepared, prepare};
 use super::{Case, DiagnoseError, TINY, loudness};
 use crate::fit::{Member, Problem, fit, with_members};
@@ -71,6 +72,12 @@ pub(super) fn finish(
             if member.candidate.entry.name != LOST {
                 taken.tiny = taken.finalist.size < TINY;
             }
+        }
+        let nothing: Vec<bool> = (0..fit.members.len())
+            .map(|position| may_be_none(case, position))
+            .collect();
+        for (taken, nothing) in case.taken.iter_mut().zip(nothing) {
+            taken.may_be_none = nothing;
         }
         let after = with_members(&case.floor.model, &fit.members);
         let records: Vec<&Record> = both.records.iter().collect();

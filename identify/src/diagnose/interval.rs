@@ -15,6 +15,22 @@ const LAW_LEAST: f64 = 0.01;
 const LAW_MOST: f64 = 0.04;
 const LIMIT_SHARE: f64 = 0.2;
 
+/// All sizes of a named effect may be none: their intervals reach to where it has no effect. Lost set-points are counted, not fitted.
+pub(super) fn may_be_none(case: &Case, position: usize) -> bool {
+    let finalist = &case.taken[position].finalist;
+    let candidate = &finalist.member.candidate;
+    let found = sizes(case, position, finalist);
+    let mut pairs = candidate.axes.iter().zip(&found).filter(|(axis, _)| axis.carries_size);
+    candidate.entry.name != LOST && pairs.all(|(axis, found)| reaches_none(axis, found))
+}
+
+fn reaches_none(axis: &Axis, found: &ParameterValue) -> bool {
+    let (Some(low), Some(high)) = (found.low, found.high) else {
+        return false;
+    };
+    axis.neutral.is_finite() && low <= axis.neutral && axis.neutral <= high
+}
+
 /// Parameters of a named effect.
 pub(super) fn sizes(case: &Case, position: usize, finalist: &Finalist) -> Vec<ParameterValue> {
     let width = NORMAL_95 * case.floor.inflation().sqrt();
@@ -113,5 +129,23 @@ mod tests {
             0.4 * (1e-4_f64 + 0.09).sqrt(),
         );
         close(beyond_noise(&axis(1.0, false), 0.8, 1.0, Some(&uneven)), 0.0);
+    }
+
+    #[test]
+    fn an_interval_that_reaches_no_effect_is_told() {
+        let found = |low: f64, high: f64| ParameterValue {
+            name: "gain".to_owned(),
+            value: Some(0.5 * (low + high)),
+            low: Some(low),
+            high: Some(high),
+            unit: "1".to_owned(),
+        };
+        assert!(reaches_none(&axis(1.0, true), &found(0.9, 1.1)));
+        assert!(
+            reaches_none(&axis(0.0, true), &found(0.0, 0.4)),
+            "ends where it has no effect"
+        );
+        assert!(!reaches_none(&axis(1.0, true), &found(0.7, 0.9)));
+        assert!(!reaches_none(&axis(f64::INFINITY, true), &found(0.7, 0.9)), "a limit");
     }
 }

@@ -97,6 +97,8 @@ struct Taken {
     tiny: bool,
     /// How far its size differs from window to window; unknown when few windows tell it.
     evenness: Option<Evenness>,
+    /// The intervals of all its sizes reach to no effect.
+    may_be_none: bool,
 }
 
 impl Taken {
@@ -123,7 +125,12 @@ impl Taken {
                 "{name}: the runs kept for checking hardly show it, so it was checked on the training runs in turn; not confirmed without new runs that show it"
             )
         });
-        uneven.into_iter().chain(in_turn).collect()
+        let nothing = self.may_be_none.then(|| {
+            format!(
+                "{name}: by the interval of its size there may be none of it, although it explains what chance does not"
+            )
+        });
+        uneven.into_iter().chain(in_turn).chain(nothing).collect()
     }
 }
 
@@ -531,6 +538,7 @@ fn taken(stop: &Stop, accepted: usize) -> Taken {
         excluded,
         threshold: stop.threshold,
         evenness: None,
+        may_be_none: false,
     }
 }
 
