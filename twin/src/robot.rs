@@ -333,8 +333,8 @@ impl Robot {
     }
 
     /// All poses that the tracker sees at `seen`: two where either camera may have seen it (tags above the floor near the line between them), the one of
-    /// the camera of that side first. A pose may lie up to `beyond_m` on the other camera's side; without any it is that of
-    /// [`Robot::pose_seen_at`].
+    /// the camera of that side first. The marker may lie up to `beyond_m` on the other camera's side; if there is no such pose, the
+    /// result of [`Robot::pose_seen_at`].
     pub fn poses_seen_at(&self, seen: Pose, beyond_m: f64) -> Vec<Pose> {
         if !effect::tells_cameras_apart(&self.sensors) {
             return vec![self.pose_seen_at(seen)];
@@ -343,7 +343,7 @@ impl Robot {
         let mut poses = Vec::with_capacity(2);
         for side in [own_side, -own_side] {
             let pose = inverse(seen, |pose| effect::seen_pose_in(&self.sensors, pose, side));
-            if side * pose.x_m > -beyond_m {
+            if side * effect::marked_pose(&self.sensors, pose).x_m > -beyond_m {
                 poses.push(pose);
             }
         }

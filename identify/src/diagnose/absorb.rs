@@ -1,9 +1,9 @@
 //! What the references have of an effect is no difference to them: it goes into the floor's model.
 
-use crate::fit::{Bounds, Problem, fit};
+use crate::fit::{Bounds, Problem, fit, with_members};
 use crate::floor::{Floor, Metric};
 use crate::hypothesis::Knob;
-use crate::record::Record;
+use crate::record::{Record, Stages, residuals};
 use crate::select::{Finalist, Stop};
 
 /// An effect is in the references when it gains this much there, and a run this part of what it gains in the runs.
@@ -53,12 +53,20 @@ fn absorb(floor: &mut Floor, metric: &Metric, finalist: &Finalist, runs: &[Recor
     };
     // For as much of each as is trusted.
     let there = fit.gain / trusted(&floor.references);
-    let here = finalist.gain_train / trusted(runs);
+    let here = finalist.weighed / trusted(runs);
     if fit.gain < SEEN || there < BACKGROUND * here || !alike {
         return false;
     }
     let effect = member.candidate.effect(&member.values);
-    floor.absorb(vec![effect], fit.residuals);
+    // What is left of the references counts whole, not as far as a fit believes it.
+    let model = with_members(&floor.model, &fit.members);
+    let left: Option<Vec<Vec<f64>>> = floor
+        .references
+        .iter()
+        .map(|record| residuals(record, &model, Stages::BOTH, None))
+        .collect();
+    let Some(left) = left else { return false };
+    floor.absorb(vec![effect], left);
     true
 }
 

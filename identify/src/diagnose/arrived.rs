@@ -256,6 +256,8 @@ impl Question<'_> {
             size: candidate.size(&values),
             member: Member { candidate, values },
             gain_train: gains[0],
+            weighed: gains[0],
+            is_unshown: false,
             gain_validation: gains[1],
             change_validation: gains[1],
             in_references,

@@ -252,6 +252,8 @@ impl Choice<'_> {
                 values,
             },
             gain_train: gains[0],
+            weighed: gains[0],
+            is_unshown: false,
             gain_validation: gains[1],
             change_validation: gains[1],
             in_references: 0.0,

@@ -27,7 +27,7 @@ pub(super) fn exchange(
     if trials.is_empty() {
         return Ok(joint);
     }
-    let gains = taken.iter().map(|own| slack(own.finalist.gain_train));
+    let gains = taken.iter().map(|own| slack(own.finalist.weighed));
     let trial = Problem {
         wanted_gain: joint.gain - gains.fold(0.0, f64::max),
         ..*problem
@@ -43,10 +43,10 @@ pub(super) fn exchange(
         let Some(found) = found else { continue };
         let (position, rival) = &trials[item];
         let own = &mut taken[*position];
-        if joint.gain - found.gain > slack(own.finalist.gain_train) {
+        if joint.gain - found.gain > slack(own.finalist.weighed) {
             tell_apart(own, rival);
         }
-        let least = joint.gain + slack(own.finalist.gain_train);
+        let least = joint.gain + slack(own.finalist.weighed);
         if found.gain > least && best.as_ref().is_none_or(|(_, other)| found.gain > other.gain) {
             best = Some((item, found));
         }
@@ -79,11 +79,11 @@ fn trials(taken: &[Taken], members: &[Member]) -> Vec<(usize, Finalist)> {
                         && member.candidate.index == rival.member.candidate.index
                 };
                 rival.because.is_none()
-                    && rival.gain_train > RIVAL_SHARE * own.finalist.gain_train
+                    && rival.weighed > RIVAL_SHARE * own.finalist.weighed
                     && !members.iter().any(is_member)
             })
             .collect();
-        rivals.sort_by(|a, b| b.gain_train.total_cmp(&a.gain_train).then(a.position.cmp(&b.position)));
+        rivals.sort_by(|a, b| b.weighed.total_cmp(&a.weighed).then(a.position.cmp(&b.position)));
         trials.extend(
             rivals
                 .into_iter()
@@ -104,7 +104,8 @@ fn energy(
     let simulated: Option<Vec<Vec<f64>>> = all_residuals(workers, &side.records, &model)?.into_iter().collect();
     let metric: &Metric = &side.metric;
     Ok(simulated.map(|residuals| {
-        let vectors = residuals.iter().map(Vec::as_slice).collect();
+        let kept = side.bounds.keep(metric, &side.records, &side.residuals, residuals);
+        let vectors = kept.residuals.iter().map(Vec::as_slice).collect();
         metric.gram(&[vectors]).at(0, 0)
     }))
 }

@@ -61,7 +61,8 @@ pub(super) fn finish(
             let model = with_members(&case.floor.model, &others);
             let without: Option<Vec<Vec<f64>>> = all_residuals(workers, &both.records, &model)?.into_iter().collect();
             taken.evenness = without.and_then(|without| {
-                let changes = difference(&without, &fit.residuals);
+                let without = both.bounds.keep(&both.metric, &both.records, &both.residuals, without);
+                let changes = difference(&without.residuals, &fit.residuals);
                 evenness(&both.metric, &both.records, &changes, &fit.residuals)
             });
         }

@@ -167,10 +167,14 @@ fn overlapping(horizon_s: f64) -> usize {
     libm::ceil(horizon_s / CLOSE_ANCHOR_PERIOD_S) as usize
 }
 
-/// Of the root mean square, 95 %: drawn in blocks of neighbours, which err together (moving blocks, Kuensch 1989), the last one wrapped around to the first.
+/// Parts that an interval needs, at least: fewer say nothing of chance.
+const FEWEST_BLOCKS: usize = 4;
+
+/// Of the root mean square, 95 %: drawn in blocks of neighbours, which err together, in a circle (Politis and Romano 1992).
 fn interval(squares: &[f64], block: usize, seed: u64) -> (f64, f64) {
     let mut random = Random::new(seed, 0x6761_7073);
     let count = squares.len();
+    let block = block.min(count / FEWEST_BLOCKS).max(1);
     let mut values: Vec<f64> = (0..REPLICATES)
         .map(|_| {
             let mut drawn = Vec::with_capacity(count + block);
@@ -238,6 +242,8 @@ mod tests {
         assert_eq!((overlapping(5.0), overlapping(0.5)), (10, 1));
         let rms = rms_of(&squares);
         assert!(together.0 < apart.0 && together.1 > apart.1 && apart.0 < rms && rms < apart.1);
+        let few = interval(&squares[5..15], overlapping(5.0), 3);
+        assert!(few.1 - few.0 > 0.3, "ten are no single block: {few:?}");
         assert!(
             together.1 - together.0 > 1.5 * (apart.1 - apart.0),
             "{together:?} {apart:?}"

@@ -87,6 +87,9 @@ pub struct Diagnosis {
     pub model: ModelDocument,
 }
 
+/// Gain in thresholds from which an interval that reaches to no effect is the interval's fault.
+const SURELY: f64 = 10.0;
+
 /// An effect that has been taken into the model.
 #[derive(Debug, Clone)]
 struct Taken {
@@ -125,7 +128,7 @@ impl Taken {
                 "{name}: the runs kept for checking hardly show it, so it was checked on the training runs in turn; not confirmed without new runs that show it"
             )
         });
-        let nothing = self.may_be_none.then(|| {
+        let nothing = (self.may_be_none && self.finalist.gain() < SURELY * self.threshold).then(|| {
             format!(
                 "{name}: by the interval of its size there may be none of it, although it explains what chance does not"
             )
@@ -351,7 +354,8 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
             case.first_threshold = stop.threshold;
         }
         let gain = |finalist: Option<&Finalist>| finalist.map_or(0.0, |finalist| finalist.gain_train);
-        if members.is_empty() && gain(stop.unchecked()) > gain(case.unchecked.as_ref()) {
+        let is_open = members.is_empty() && stop.accepted.is_none() && !validation.records.is_empty();
+        if is_open && gain(stop.unchecked()) > gain(case.unchecked.as_ref()) {
             case.unchecked = stop.unchecked().cloned();
         }
         if validation.records.is_empty() {
@@ -367,6 +371,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
         };
         if is_absorbed {
             kept.refuse(&stop);
+            case.unchecked = None;
             let model = with_members(&case.floor.model, &members);
             train.renew(workers, &case.floor, &model)?;
             validation.renew(workers, &case.floor, &model)?;

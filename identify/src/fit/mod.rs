@@ -233,7 +233,8 @@ pub fn fit(problem: &Problem, start: Vec<Member>) -> Option<Fit> {
                     break;
                 }
                 let is_vain = before - energy < LEAST_SHARE * gain;
-                in_vain = if is_vain { in_vain + 1 } else { 0 };
+                let is_of_size = matches!(steps, search::Steps::Sizes(_));
+                in_vain = if is_vain { in_vain + usize::from(is_of_size) } else { 0 };
             }
             if !found {
                 break;

@@ -30,6 +30,8 @@ pub(super) fn judge(data: &Round, fitted: &Fitted, threshold: f64) -> Finalist {
         position: fitted.position,
         size: member.candidate.size(&member.values),
         gain_train: fitted.fit.gain,
+        weighed: fitted.fit.gain,
+        is_unshown: false,
         gain_validation: 0.0,
         change_validation: 0.0,
         in_references: 0.0,
@@ -67,21 +69,31 @@ pub(super) fn judge(data: &Round, fitted: &Fitted, threshold: f64) -> Finalist {
         finalist.because = Some("cannot be simulated on the validation runs".to_owned());
         return finalist;
     };
-    if !changed.is_empty() {
+    let is_checked = !changed.is_empty();
+    if is_checked {
         validate(data, &data.validation, changed, &mut finalist);
-        let least = VALIDATION_GAIN * data.floor.inflation();
-        if finalist.gain_train >= threshold
-            && is_hardly_shown(finalist.change_validation, finalist.gain_train, least)
-            && let Some(changed) = in_turn(data, fitted, threshold)
-        {
-            finalist.is_in_turn = true;
-            validate(data, &data.train, changed, &mut finalist);
-        }
+        let own = difference(data.train.residuals, &fitted.fit.residuals);
+        let change_train = data.train.metric.gram(&[slices(&own)]).at(0, 0);
+        finalist.is_unshown = is_hardly_shown(
+            finalist.change_validation / data.validation.records.len() as f64,
+            change_train / data.train.records.len() as f64,
+        );
     }
     if let Some(metric) = data.reference_metric {
         finalist.in_references = amplitude_in_references(data, metric, &alone, own_stages).unwrap_or(0.0);
     }
-    finalist.because = gate(data, &finalist, threshold).or_else(|| law_rest(data, fitted, threshold));
+    finalist.because = gate(data, &finalist, threshold);
+    let is_asked = finalist.because.is_some() && finalist.is_unshown && finalist.gain_train >= threshold;
+    if let Some(changed) = is_asked.then(|| in_turn(data, fitted, threshold)).flatten() {
+        // What the validation runs say stands in the report; it decides nothing.
+        let mut asked = finalist.clone();
+        validate(data, &data.train, changed, &mut asked);
+        let because = gate(data, &asked, threshold);
+        finalist.because =
+            because.map(|because| because.replace("the validation runs", "training runs with what the others say"));
+        finalist.is_in_turn = finalist.because.is_none();
+    }
+    finalist.because = finalist.because.or_else(|| law_rest(data, fitted, threshold));
     finalist
 }
 
@@ -93,10 +105,11 @@ fn validate(data: &Round, side: &Side, changed: Vec<Vec<f64>>, finalist: &mut Fi
     let gram = side
         .metric
         .gram(&[slices(side.residuals), slices(changed), slices(&own)]);
-    finalist.gain_validation = gram.at(0, 0) - gram.at(1, 1) + sum(&beyond(data, side, changed));
+    let weighed = gram.at(0, 0) - gram.at(1, 1);
+    finalist.gain_validation = weighed + sum(&beyond(data, side, changed));
     finalist.change_validation = gram.at(2, 2);
-    finalist.harmful = harmful(data, side, changed, finalist.gain_validation);
-    finalist.worse = worse(data, side, &bounded, finalist.gain_validation);
+    finalist.harmful = harmful(data, side, changed, weighed);
+    finalist.worse = worse(data, side, &bounded, weighed);
 }
 
 /// The laws of the named effects may have left what it explains.

@@ -8,7 +8,7 @@ use super::round::{Round, products};
 use crate::hypothesis::{Axis, Candidate};
 use crate::screen::{Score, scores};
 
-/// The best of so many candidates by all windows are fitted although they are far down the list of the others.
+/// So many of the best by all windows are fitted although the others put them far down their list.
 const TRUSTED: usize = 3;
 
 /// Adds starts to the scores, and candidates to the list.

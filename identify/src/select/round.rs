@@ -4,7 +4,6 @@ use twin::effect::Effect;
 
 use super::evidence::{judge, stability};
 use super::fits::fits;
-use super::in_turn::is_hardly_shown;
 use super::law_rest::{Explained, decrease, energies, expected};
 use super::loud_starts::add_loud_starts;
 use crate::fit::{Bounds, Fit, Member};
@@ -110,13 +109,17 @@ pub struct Finalist {
     pub position: usize,
     pub member: Member,
     pub gain_train: f64,
+    /// The same with every window at its weight ([`super::beyond`]).
+    pub weighed: f64,
     pub gain_validation: f64,
     /// What it changes on the validation runs: the gain there if it has just the fitted size.
     pub change_validation: f64,
     /// Amplitude at which the same change is in the references; 1 = just as much.
     pub in_references: f64,
     pub stability: f64,
-    /// The validation runs hardly show it: the gain there is that of the training runs, each with what the others say.
+    /// The validation runs hardly show it.
+    pub is_unshown: bool,
+    /// It was checked on the training runs, each with what the others say.
     pub is_in_turn: bool,
     /// Share of bootstrap replicates of the validation runs that it makes worse.
     pub harmful: f64,
@@ -172,7 +175,7 @@ impl Stop {
             finalist.because.is_some()
                 && !finalist.is_background()
                 && finalist.gain_train > FAR_BEYOND * self.threshold
-                && is_hardly_shown(finalist.change_validation, finalist.gain_train, 0.0)
+                && finalist.is_unshown
         };
         let found = self.finalists.iter().filter(is_unchecked);
         found.max_by(|a, b| a.gain_train.total_cmp(&b.gain_train))

@@ -21,7 +21,8 @@ pub(crate) use check::check;
 pub(crate) use dynamics::{Dynamics, Runtime};
 pub(crate) use parametric::{physical, shape, tracked};
 pub(crate) use sensor::{
-    History, SensorStage, moves_poses, seen_pose, seen_pose_in, stages as sensor_stages, tells_cameras_apart,
+    History, SensorStage, marked_pose, moves_poses, seen_pose, seen_pose_in, stages as sensor_stages,
+    tells_cameras_apart,
 };
 
 /// One effect as it stands in a model document.

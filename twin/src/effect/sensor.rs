@@ -192,6 +192,13 @@ pub(crate) fn seen_pose_in(stages: &[SensorStage], mut pose: Pose, camera_x_m: f
     pose
 }
 
+/// Where the marker of a robot is.
+pub(crate) fn marked_pose(stages: &[SensorStage], mut pose: Pose) -> Pose {
+    let markers = stages.iter().filter(|stage| stage.rank() == MARKER_RANK);
+    markers.for_each(|stage| stage.apply_to_pose(&mut pose));
+    pose
+}
+
 /// Whether it matters which camera sees a robot.
 pub(crate) fn tells_cameras_apart(stages: &[SensorStage]) -> bool {
     stages
