@@ -69,8 +69,8 @@ fn share(before: &[f64], step: &[f64], most: f64) -> f64 {
         along += b * s;
         own += s * s;
     }
-    // Also when nothing of it is a number.
-    if !(2.0 * along + own > most) {
+    let rise = 2.0 * along + own;
+    if rise <= most || rise.is_nan() {
         return 1.0;
     }
     // The positive root of s^2 own + 2 s along = most.
