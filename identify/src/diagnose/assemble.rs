@@ -10,6 +10,7 @@ use super::energy::Energies;
 use super::gap_table::gap_table;
 use super::interval::{NORMAL_95, sizes};
 use super::louder::{louder, share_left};
+use super::nearest::{nearest, unchecked};
 use super::verified::{Verified, verified};
 use super::{Case, DiagnoseError, Diagnosis, LIBRARY_VERSION, Taken};
 use crate::fit::with_members;
@@ -21,7 +22,7 @@ use crate::report::schema::{
 };
 use crate::report::{effect_sentence, verdict_sentence};
 use crate::screen::Score;
-use crate::select::{Finalist, Role, Stop};
+use crate::select::{Finalist, Role};
 use crate::workers::Workers;
 
 /// Validation and unused runs without which nothing is confirmed.
@@ -81,10 +82,7 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
         verdict = Verdict::NoDiscrepancy;
     }
     if matches!(verdict, Verdict::Unexplained | Verdict::Partial) {
-        let unchecked = case.unchecked.as_ref().filter(|_| effects.is_empty());
-        let nearest = unchecked
-            .and_then(refused)
-            .or_else(|| nearest_refused(case.last.as_ref()?));
+        let nearest = nearest(case, effects.is_empty());
         case.remarks.extend(nearest);
     }
     let absorbed = absorbed(case, &effects);
@@ -160,7 +158,7 @@ fn verdict(case: &Case) -> Verdict {
     } else if case.floor.references.is_empty() {
         all.after > all.limit || louder(&levels.after).is_some()
     } else {
-        all.before > all.limit || louder(&levels.before).is_some() || case.unchecked.is_some()
+        all.before > all.limit || louder(&levels.before).is_some() || unchecked(case).is_some()
     };
     let naming: Vec<&Taken> = case.taken.iter().filter(|taken| !taken.tiny).collect();
     if naming.is_empty() {
@@ -326,7 +324,7 @@ fn named(case: &Case, is_proven: bool) -> Vec<NamedEffect> {
 }
 
 /// Fitted values in words.
-fn values_of(finalist: &Finalist) -> String {
+pub(super) fn values_of(finalist: &Finalist) -> String {
     let axes = finalist.member.candidate.axes.iter().zip(&finalist.member.values);
     let parts: Vec<String> = axes
         .filter(|(_, value)| value.is_finite())
@@ -492,29 +490,6 @@ fn rest(case: &Case, effects: &[NamedEffect], absorbed: &[Absorbed]) -> (Vec<Rej
     rejected.sort_by(|a, b| a.name.cmp(&b.name));
     untestable.sort_by(|a, b| a.name.cmp(&b.name));
     (rejected, untestable)
-}
-
-/// Of what the last round refused, what explains most of the training runs, and why it is not named.
-fn nearest_refused(stop: &Stop) -> Option<String> {
-    let refused = stop.finalists.iter().filter_map(|finalist| {
-        let because = finalist.because.as_ref()?;
-        (finalist.gain_train > stop.threshold).then_some((finalist, because))
-    });
-    let (finalist, _) = refused.max_by(|a, b| a.0.gain_train.total_cmp(&b.0.gain_train))?;
-    self::refused(finalist)
-}
-
-fn refused(finalist: &Finalist) -> Option<String> {
-    let (candidate, because) = (&finalist.member.candidate, finalist.because.as_ref()?);
-    let of = candidate
-        .index
-        .map(|index| format!(" of wheel {index}"))
-        .unwrap_or_default();
-    Some(format!(
-        "{}{of} ({}) explains most of what is left of the training runs, but is not named: {because}",
-        candidate.entry.name,
-        values_of(finalist)
-    ))
 }
 
 fn because(case: &Case, name: &str, gain: f64) -> String {

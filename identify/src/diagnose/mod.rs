@@ -15,6 +15,7 @@ mod gap_table;
 mod interval;
 mod louder;
 mod loudness;
+mod nearest;
 mod next;
 mod prepared;
 mod usable;
@@ -371,7 +372,6 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
         };
         if is_absorbed {
             kept.refuse(&stop);
-            case.unchecked = None;
             let model = with_members(&case.floor.model, &members);
             train.renew(workers, &case.floor, &model)?;
             validation.renew(workers, &case.floor, &model)?;

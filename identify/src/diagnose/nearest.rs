@@ -1,0 +1,44 @@
+//! What came nearest to a name, and why it is none.
+
+use super::Case;
+use super::assemble::values_of;
+use crate::select::{Finalist, Stop};
+
+/// What some runs show and the others do not, if the last round still sees it: what was absorbed meanwhile may have explained it.
+pub(super) fn unchecked<'a>(case: &'a Case) -> Option<&'a Finalist> {
+    let (found, last) = (case.unchecked.as_ref()?, case.last.as_ref()?);
+    (last.scores[found.position].gain > last.threshold).then_some(found)
+}
+
+/// For the report.
+///
+/// - `is_open`: nothing is named.
+pub(super) fn nearest(case: &Case, is_open: bool) -> Option<String> {
+    let unchecked = unchecked(case).filter(|_| is_open);
+    unchecked
+        .and_then(refused)
+        .or_else(|| nearest_refused(case.last.as_ref()?))
+}
+
+/// Of what the last round refused, what explains most of the training runs, and why it is not named.
+fn nearest_refused(stop: &Stop) -> Option<String> {
+    let refused = stop.finalists.iter().filter_map(|finalist| {
+        let because = finalist.because.as_ref()?;
+        (finalist.gain_train > stop.threshold).then_some((finalist, because))
+    });
+    let (finalist, _) = refused.max_by(|a, b| a.0.gain_train.total_cmp(&b.0.gain_train))?;
+    self::refused(finalist)
+}
+
+fn refused(finalist: &Finalist) -> Option<String> {
+    let (candidate, because) = (&finalist.member.candidate, finalist.because.as_ref()?);
+    let of = candidate
+        .index
+        .map(|index| format!(" of wheel {index}"))
+        .unwrap_or_default();
+    Some(format!(
+        "{}{of} ({}) explains most of what is left of the training runs, but is not named: {because}",
+        candidate.entry.name,
+        values_of(finalist)
+    ))
+}

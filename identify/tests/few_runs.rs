@@ -1,0 +1,79 @@
+//! What only one run shows is not named, and not denied either.
+
+mod plant;
+mod threads;
+
+use identify::channel::Channel;
+use identify::diagnose::{Input, Run, diagnose};
+use identify::report::Verdict;
+use plant::{Change, background, robot, run, with_effect};
+use threads::Threads;
+
+const SECONDS: usize = 20;
+const LIMIT_M_PER_S2: f64 = 4.0;
+
+/// Largest difference of the measured wheel speeds of two runs, rad/s.
+fn difference(a: &Run, b: &Run) -> f64 {
+    let wheels = a.bundle.telemetry.channels.iter();
+    let wheels = wheels.filter(|(channel, _)| matches!(channel, Channel::WheelSpeed(_)));
+    let pairs =
+        wheels.flat_map(|(channel, series)| series.values.iter().zip(&b.bundle.telemetry.channels[channel].values));
+    pairs.fold(0.0, |most, (a, b)| (a - b).abs().max(most))
+}
+
+/// Set-points change more slowly than they are told to, and one run of six is driven so harshly that it matters.
+#[test]
+fn a_limit_that_one_run_reaches_is_unexplained() {
+    let description = robot("diff2");
+    let driven = description.wheels.iter().filter(|wheel| wheel.driven).count();
+    let harsh = background(5, description.wheels.len(), driven);
+    let smooth = Change {
+        is_smooth: true,
+        ..harsh.clone()
+    };
+    let make = |name: &str, change: &Change, seed: u64| run(name, &description, change, seed, SECONDS, false);
+    let limited = |change: &Change| with_effect(change, "acceleration_limit", LIMIT_M_PER_S2, &description);
+    let runs: Vec<Run> = (0..6)
+        .map(|k| {
+            let own = if k == 0 { &harsh } else { &smooth };
+            let (without, with) = (
+                make("run", own, 600 + k),
+                make(&format!("run-{k}"), &limited(own), 600 + k),
+            );
+            assert_eq!(
+                difference(&without, &with) > 1.0,
+                k == 0,
+                "run {k}: {} rad/s",
+                difference(&without, &with)
+            );
+            with
+        })
+        .collect();
+    let input = Input {
+        references: (0..4)
+            .map(|k| make(&format!("reference-{k}"), &harsh, 500 + k))
+            .collect(),
+        runs,
+        locked: Vec::new(),
+        model: None,
+        seed: 1,
+    };
+    let report = match diagnose(&Threads(2), &input) {
+        Ok(found) => found.report,
+        Err(error) => panic!("{error}"),
+    };
+    assert_eq!(
+        report.verdict,
+        Verdict::Unexplained,
+        "{}: {:?}",
+        report.sentence,
+        report.remarks
+    );
+    assert!(report.effects.is_empty());
+    let nearest = report.remarks.iter().find(|remark| remark.contains("is not named"));
+    assert!(
+        nearest.is_some_and(|remark| remark.contains("acceleration_limit")),
+        "{:?}",
+        report.remarks
+    );
+}
