@@ -70,6 +70,13 @@ fn a_limit_that_one_run_reaches_is_unexplained() {
         report.remarks
     );
     assert!(report.effects.is_empty());
+    assert!(
+        report.sentence.contains("acceleration limit would explain it"),
+        "{}",
+        report.sentence
+    );
+    let next = report.next_experiment.expect("something can be done");
+    assert!(next.why.contains("acceleration limit"), "{}", next.why);
     let nearest = report.remarks.iter().find(|remark| remark.contains("is not named"));
     assert!(
         nearest.is_some_and(|remark| remark.contains("acceleration_limit")),

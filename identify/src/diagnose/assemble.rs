@@ -89,7 +89,9 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
     let (rejected, untestable) = rest(case, &effects, &absorbed);
     let place = located(case);
     let has_references = !case.floor.references.is_empty();
-    let sentence = verdict_sentence(verdict, &effects, explained, &place.sentence, has_references);
+    let suspect = unchecked(case).filter(|_| effects.is_empty());
+    let suspect = suspect.map(|finalist| finalist.member.candidate.entry.name);
+    let sentence = verdict_sentence(verdict, &effects, explained, &place.sentence, suspect, has_references);
     let report = Report {
         format: FORMAT.to_owned(),
         robot: case.floor.given.description.name.clone(),

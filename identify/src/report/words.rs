@@ -55,12 +55,14 @@ pub fn effect_sentence(effect: &NamedEffect) -> String {
 
 /// The whole in one sentence.
 ///
+/// - `suspect`: effect that explains some runs which the others could not check.
 /// - `has_references`: without them the robot's description was calibrated on the very runs.
 pub fn verdict_sentence(
     verdict: Verdict,
     effects: &[NamedEffect],
     explained: Option<f64>,
     where_it_is: &str,
+    suspect: Option<&str>,
     has_references: bool,
 ) -> String {
     let names: Vec<String> = effects.iter().map(|effect| plain(&effect.name)).collect();
@@ -84,6 +86,10 @@ pub fn verdict_sentence(
         Verdict::NoDiscrepancy => {
             "Twin and measurement agree as well as in the references: nothing is to be named.".to_owned()
         }
+        Verdict::Unexplained if suspect.is_some() => format!(
+            "The disagreement is real: {} would explain it in the runs that show it, but too few do, and the others cannot check it. {where_it_is}",
+            suspect.map(plain).unwrap_or_default()
+        ),
         Verdict::Unexplained => {
             format!("The disagreement is real and no effect of the library explains it. {where_it_is}")
         }

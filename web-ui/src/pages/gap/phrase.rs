@@ -25,7 +25,7 @@ pub fn verdict(name: &str) -> (&'static str, Tone, &'static str) {
         "unexplained" => (
             "Unexplained",
             Tone::Warning,
-            "Robot and twin disagree by more than chance, and no effect of the library explains it. The maps below show where to look.",
+            "Robot and twin disagree by more than chance, and no effect of the library could be shown to explain it. The maps below show where to look.",
         ),
         "no_discrepancy" => (
             "No difference",
