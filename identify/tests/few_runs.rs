@@ -58,10 +58,8 @@ fn a_limit_that_one_run_reaches_is_unexplained() {
         model: None,
         seed: 1,
     };
-    let report = match diagnose(&Threads(2), &input) {
-        Ok(found) => found.report,
-        Err(error) => panic!("{error}"),
-    };
+    let found = diagnose(&Threads(2), &input).unwrap_or_else(|error| panic!("{error}"));
+    let report = found.report;
     assert_eq!(
         report.verdict,
         Verdict::Unexplained,

@@ -53,10 +53,8 @@ fn found(chassis: &str, smooth_references: bool, before: &Change, change: &Chang
         model: None,
         seed: 1,
     };
-    let report = match diagnose(&Threads(2), &input) {
-        Ok(found) => found.report,
-        Err(error) => panic!("{error}"),
-    };
+    let found = diagnose(&Threads(2), &input).unwrap_or_else(|error| panic!("{error}"));
+    let report = found.report;
     let names: Vec<&str> = report.effects.iter().map(|effect| effect.name.as_str()).collect();
     println!("{chassis}: {:?} {names:?}", report.verdict);
     report

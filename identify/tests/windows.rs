@@ -98,13 +98,18 @@ fn predictions_from_the_middle_of_a_run_know_the_play_too() {
     assert!(with < 0.25 * without, "rad: {without} {with}");
 }
 
+/// What is left of places with a tag at the calibrated height, at its own and at `more_m`, m.
+fn left_of_places(chassis: &str, height_m: f64, more_m: f64) -> [f64; 3] {
+    let tag = |z_m: f64| Effect::new("tag_height", &[("z", z_m)]);
+    let is_place = |quantity| matches!(quantity, Quantity::Forward | Quantity::Left);
+    let models: [&[Effect]; 3] = [&[], &[tag(height_m)], &[tag(more_m)]];
+    left(chassis, &tag(height_m), (is_place, WINDOW_S), models)
+}
+
 /// A tag 8 cm above the floor is seen up to 3 cm aside, to the other side by the other camera: near the line between them nobody knows which.
 #[test]
 fn a_tag_above_the_floor_is_met_where_two_cameras_meet() {
-    let tag = |z_m: f64| Effect::new("tag_height", &[("z", z_m)]);
-    let is_place = |quantity| matches!(quantity, Quantity::Forward | Quantity::Left);
-    let models: [&[Effect]; 3] = [&[], &[tag(0.08)], &[tag(0.12)]];
-    let [none, truth, half_more] = left("diff2", &tag(0.08), (is_place, WINDOW_S), models);
+    let [none, truth, half_more] = left_of_places("diff2", 0.08, 0.12);
     assert!(
         truth < 0.0008 && none > 3.0 * truth && half_more > 1.5 * truth,
         "m: {none} {truth} {half_more}"
@@ -114,10 +119,7 @@ fn a_tag_above_the_floor_is_met_where_two_cameras_meet() {
 /// 15 cm above it is 6 cm: a start beside the line may be that of either camera, and is that of the one that goes with the path.
 #[test]
 fn a_start_is_seen_by_the_camera_that_the_path_tells() {
-    let tag = |z_m: f64| Effect::new("tag_height", &[("z", z_m)]);
-    let is_place = |quantity| matches!(quantity, Quantity::Forward | Quantity::Left);
-    let models: [&[Effect]; 3] = [&[], &[tag(0.15)], &[tag(0.18)]];
-    let [none, truth, more] = left("awd", &tag(0.15), (is_place, WINDOW_S), models);
+    let [none, truth, more] = left_of_places("awd", 0.15, 0.18);
     assert!(
         truth < 0.0015 && none > 5.0 * truth && more > 1.5 * truth,
         "m: {none} {truth} {more}"

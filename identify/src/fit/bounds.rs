@@ -80,6 +80,30 @@ fn share(before: &[f64], step: &[f64], most: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::hypothesis::Hypothesis;
+    use crate::record::Quantity;
+    use crate::record::made::{record, series};
+
+    #[test]
+    fn only_the_window_that_would_lose_too_much_is_held() {
+        let description = twin::golden::reference_robot("diff2");
+        let mut floor = Floor::stated(Hypothesis::nominal(&description), Vec::new());
+        let windows = || series(Quantity::Wheel(0), 100).windows;
+        let records = [record([windows(), windows()].concat())];
+        let metric = floor.metric(&records, &[]);
+        let sigma = floor.noise.classes[0].level.sqrt();
+        let base = [vec![sigma; 200]];
+        let changed = vec![[vec![1.5 * sigma; 100], vec![50.0 * sigma; 100]].concat()];
+        let free = Bounds::of(&floor, &records).keep(&metric, &records, &base, changed.clone());
+        assert_eq!(free.residuals, changed, "nothing tells how loud is too loud");
+        floor.references = vec![series(Quantity::Wheel(0), 1)];
+        let kept = Bounds::of(&floor, &records).keep(&metric, &records, &base, changed.clone());
+        assert_eq!(kept.residuals[0][..100], changed[0][..100]);
+        assert!(kept.shares[0][0] == 1.0 && kept.shares[0][1] < 0.1, "{:?}", kept.shares);
+        // As loud as expected, and three times that more.
+        let held = kept.residuals[0][150] / sigma;
+        assert!((held - 2.0).abs() < 1e-9, "{held}");
+    }
 
     #[test]
     fn a_step_goes_as_far_as_energy_may_rise() {

@@ -5,6 +5,7 @@
 //! to three times E and 3 E (1 + ln(e / 3 E)) beyond (tails between those of Huber 1964 and of Cauchy), under either model: what explains it
 //! down to the noise has explained all of it.
 
+use super::evidence::rest_energies;
 use super::round::{Round, Side};
 use crate::floor::LOUDEST;
 
@@ -17,15 +18,8 @@ pub(super) fn beyond(data: &Round, side: &Side, changed: &[Vec<f64>]) -> Vec<Vec
             continue;
         }
         let expected = data.floor.expected_of_windows(record);
-        // What everyday differences cost is the run's, not the windows'.
-        let energies = |vector: &[f64]| -> Vec<f64> {
-            let rest = side.metric.rest(run, vector);
-            let cells = record.cells_of_windows().into_iter();
-            cells
-                .map(|cells| rest[cells].iter().map(|value| value * value).sum())
-                .collect()
-        };
-        let (before, after) = (energies(&side.residuals[run]), energies(&changed[run]));
+        let before = rest_energies(side.metric, run, record, &side.residuals[run]);
+        let after = rest_energies(side.metric, run, record, &changed[run]);
         let windows = record.windows.iter().zip(expected).zip(before.into_iter().zip(after));
         let more = windows.map(|((window, expected), (before, after))| {
             // Of a window in which nothing is compared nothing is expected.

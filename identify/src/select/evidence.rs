@@ -69,8 +69,7 @@ pub(super) fn judge(data: &Round, fitted: &Fitted, threshold: f64) -> Finalist {
         finalist.because = Some("cannot be simulated on the validation runs".to_owned());
         return finalist;
     };
-    let is_checked = !changed.is_empty();
-    if is_checked {
+    if !changed.is_empty() {
         validate(data, &data.validation, changed, &mut finalist);
         let own = difference(data.train.residuals, &fitted.fit.residuals);
         let change_train = data.train.metric.gram(&[slices(&own)]).at(0, 0);
@@ -212,15 +211,20 @@ fn window_gains(metric: &Metric, run: usize, record: &Record, before: &[f64], af
 
 /// Energy of every window of a run, everyday differences taken out as in a run's gain.
 pub fn window_energies(metric: &Metric, run: usize, record: &Record, vector: &[f64]) -> Vec<f64> {
-    let rest = metric.rest(run, vector);
-    let cells = record.cells_of_windows().into_iter();
-    let mut energies: Vec<f64> = cells
-        .map(|cells| rest[cells].iter().map(|value| value * value).sum())
-        .collect();
+    let mut energies = rest_energies(metric, run, record, vector);
     let whole = metric.gram_of_run(run, &[vector]).at(0, 0);
     let cost = (whole - energies.iter().sum::<f64>()) / energies.len().max(1) as f64;
     energies.iter_mut().for_each(|energy| *energy += cost);
     energies
+}
+
+/// The same without the cost of everyday differences, which is the run's and not the windows'.
+pub(super) fn rest_energies(metric: &Metric, run: usize, record: &Record, vector: &[f64]) -> Vec<f64> {
+    let rest = metric.rest(run, vector);
+    let cells = record.cells_of_windows().into_iter();
+    cells
+        .map(|cells| rest[cells].iter().map(|value| value * value).sum())
+        .collect()
 }
 
 fn amplitude_in_references(data: &Round, metric: &Metric, model: &Hypothesis, stages: Stages) -> Option<f64> {
