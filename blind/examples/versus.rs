@@ -1,4 +1,4 @@
-//! Two explanations of one set beside each other: gains and energies by channel of the truth and of other effects, on the calibrated model.
+//! Two explanations of one set beside each other: gains, by run, and energies by channel of the truth and of other effects, on the calibrated model.
 //!
 //! `cargo run --release -p blind --example versus -- SEED NUMBER [NAME[@WHEEL]:PARAMETER=VALUE[,PARAMETER=VALUE]]...`: a set of one effect, as
 //! `--kind single` numbers them.
@@ -89,6 +89,9 @@ fn main() -> anyhow::Result<()> {
             }
         }
         println!("{label}: gain {:.0}", whole(&base) - whole(&left));
+        let of_run = |run: usize, vectors: &[Vec<f64>]| metric.gram_of_run(run, &[&vectors[run]]).at(0, 0);
+        let gains = (0..records.len()).map(|run| format!("{:.0}", of_run(run, &base) - of_run(run, &left)));
+        println!("    of each run: {}", gains.collect::<Vec<_>>().join(", "));
         for (channel, (rest, plain, count)) in CHANNELS.iter().zip(sums) {
             println!(
                 "    {channel:<9} weighed {rest:9.1}, plain {:.5}",

@@ -19,14 +19,24 @@ pub(super) fn absorb_one(floor: &mut Floor, metric: &Metric, stop: &Stop, runs: 
         None => finalist.is_background(),
     };
     let there = stop.finalists.iter().enumerate().filter(is_there);
-    let mut quick = there.filter(|(_, finalist)| !finalist.is_slow());
-    quick.any(|(_, finalist)| absorb(floor, metric, finalist, runs))
+    let quick: Vec<&Finalist> = there
+        .map(|(_, finalist)| finalist)
+        .filter(|finalist| !finalist.is_slow())
+        .collect();
+    let mut any = |found: f64| {
+        quick
+            .iter()
+            .any(|finalist| absorb(floor, metric, finalist, runs, found))
+    };
+    // What would be found in the references alone is there, however much more of it the runs have.
+    any(f64::INFINITY) || stop.accepted.is_none() && any(stop.threshold)
 }
 
 /// An effect fitted to the references from where the runs have it: taken into the floor's model when it is there as well.
 ///
 /// - `runs`: the training runs, which the finalist's gain is of.
-fn absorb(floor: &mut Floor, metric: &Metric, finalist: &Finalist, runs: &[Record]) -> bool {
+/// - `found`: gain on the references from which it is there whatever the runs have.
+fn absorb(floor: &mut Floor, metric: &Metric, finalist: &Finalist, runs: &[Record], found: f64) -> bool {
     // The calibration of the references had its say on what is a knob of its own.
     let candidate = &finalist.member.candidate;
     let is_knob = |knob: &Knob| candidate.axes.iter().any(|axis| knob.is(candidate, axis.name));
@@ -54,7 +64,7 @@ fn absorb(floor: &mut Floor, metric: &Metric, finalist: &Finalist, runs: &[Recor
     // For as much of each as is trusted.
     let there = fit.gain / trusted(&floor.references);
     let here = finalist.weighed / trusted(runs);
-    if fit.gain < SEEN || there < BACKGROUND * here || !alike {
+    if fit.gain < SEEN || (there < BACKGROUND * here && fit.gain < found) || !alike {
         return false;
     }
     let effect = member.candidate.effect(&member.values);

@@ -10,7 +10,7 @@ use super::energy::Energies;
 use super::gap_table::gap_table;
 use super::interval::{NORMAL_95, sizes};
 use super::louder::{louder, share_left};
-use super::nearest::{nearest, unchecked};
+use super::nearest::{nearest, suspect, unchecked};
 use super::verified::{Verified, verified};
 use super::{Case, DiagnoseError, Diagnosis, LIBRARY_VERSION, Taken};
 use crate::fit::with_members;
@@ -89,8 +89,7 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
     let (rejected, untestable) = rest(case, &effects, &absorbed);
     let place = located(case);
     let has_references = !case.floor.references.is_empty();
-    let suspect = unchecked(case).filter(|_| effects.is_empty());
-    let suspect = suspect.map(|finalist| finalist.member.candidate.entry.name);
+    let suspect = suspect(case).map(|finalist| finalist.member.candidate.entry.name);
     let sentence = verdict_sentence(verdict, &effects, explained, &place.sentence, suspect, has_references);
     let report = Report {
         format: FORMAT.to_owned(),
@@ -180,6 +179,9 @@ fn verdict(case: &Case) -> Verdict {
     }
     let remains = remains
         || louder(&levels.after).is_some_and(|louder| share_left(&levels.before, &levels.after, louder.class) > REST);
+    if naming.iter().any(|taken| taken.is_suspected) {
+        return Verdict::Partial;
+    }
     if naming.iter().any(|taken| !other_names(taken).is_empty()) {
         return Verdict::Ambiguous;
     }

@@ -18,6 +18,7 @@ mod loudness;
 mod nearest;
 mod next;
 mod prepared;
+mod suspected;
 mod usable;
 mod validation_gap;
 mod verified;
@@ -48,6 +49,7 @@ use evenness::Evenness;
 use final_fit::finish;
 use louder::Compared;
 use prepared::{Prepared, Whole, enough, prepare};
+use suspected::take_suspect;
 use usable::{check, usable};
 use validation_gap::{adds_nothing, prefer};
 
@@ -103,6 +105,8 @@ struct Taken {
     evenness: Option<Evenness>,
     /// The intervals of all its sizes reach to no effect.
     may_be_none: bool,
+    /// Nothing passed, and this is what is suspected.
+    is_suspected: bool,
 }
 
 impl Taken {
@@ -134,7 +138,16 @@ impl Taken {
                 "{name}: by the interval of its size there may be none of it, although it explains what chance does not"
             )
         });
-        uneven.into_iter().chain(in_turn).chain(nothing).collect()
+        let suspected = self.is_suspected.then(|| {
+            let why = if self.finalist.is_unshown {
+                "only some runs show it, and those kept for checking hardly do"
+            } else {
+                "training and validation runs show it, but not at the sizes that the training runs alone give"
+            };
+            format!("{name}: {why}; not confirmed without new runs that show it")
+        });
+        let doubts = uneven.into_iter().chain(in_turn).chain(nothing);
+        doubts.chain(suspected).collect()
     }
 }
 
@@ -155,8 +168,6 @@ struct Case<'a> {
     first_scores: Vec<Score>,
     first_threshold: f64,
     last: Option<Stop>,
-    /// What some runs show and the others do not, while nothing was named.
-    unchecked: Option<Finalist>,
     located: Located,
     energies: Energies,
     levels: Levels,
@@ -255,7 +266,6 @@ pub fn diagnose(workers: &dyn Workers, input: &Input) -> Result<Diagnosis, Diagn
         first_scores: Vec::new(),
         first_threshold: 0.0,
         last: None,
-        unchecked: None,
         located: Located::default(),
         energies: Energies::NOTHING,
         levels: Levels::default(),
@@ -354,11 +364,6 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
             case.first_scores = stop.scores.clone();
             case.first_threshold = stop.threshold;
         }
-        let gain = |finalist: Option<&Finalist>| finalist.map_or(0.0, |finalist| finalist.gain_train);
-        let is_open = members.is_empty() && stop.accepted.is_none() && !validation.records.is_empty();
-        if is_open && gain(stop.unchecked()) > gain(case.unchecked.as_ref()) {
-            case.unchecked = stop.unchecked().cloned();
-        }
         if validation.records.is_empty() {
             case.remarks.push(
                 "one run: nothing is named, since nothing could be checked on a run that was not used".to_owned(),
@@ -390,6 +395,9 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
         let Some(accepted) = stop.accepted.filter(|_| members.len() < MOST_EFFECTS) else {
             let threshold = stop.threshold;
             case.last = Some(stop);
+            if members.is_empty() && kept.reconsider() {
+                continue;
+            }
             if is_described && (is_asked_for_losses || members.len() >= MOST_EFFECTS) {
                 break;
             }
@@ -497,6 +505,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
         coarse = train.thinned(&case.floor);
         kept.outdate();
     }
+    take_suspect(workers, case, &mut members, &mut train, &mut validation)?;
     if case.arrived.is_empty() {
         case.energies.name(&train, &validation);
         case.levels.after = compared(&case.floor, reference_metric.as_ref(), &train, &validation);
@@ -544,6 +553,7 @@ fn taken(stop: &Stop, accepted: usize) -> Taken {
         threshold: stop.threshold,
         evenness: None,
         may_be_none: false,
+        is_suspected: false,
     }
 }
 

@@ -1,19 +1,30 @@
 //! What came nearest to a name, and why it is none.
 
-use super::Case;
 use super::assemble::values_of;
+use super::{Case, TINY};
 use crate::select::{Finalist, Stop};
 
-/// What some runs show and the others do not, if the last round still sees it: what was absorbed meanwhile may have explained it.
+/// What some runs show and the others do not.
 pub(super) fn unchecked<'a>(case: &'a Case) -> Option<&'a Finalist> {
-    let (found, last) = (case.unchecked.as_ref()?, case.last.as_ref()?);
-    (last.scores[found.position].gain > last.threshold).then_some(found)
+    case.last.as_ref()?.unchecked(TINY)
+}
+
+/// What the report suspects: taken into the model without proof, or, when nothing is named, what could not be checked.
+pub(super) fn suspect<'a>(case: &'a Case) -> Option<&'a Finalist> {
+    let mut named = case.taken.iter().filter(|taken| !taken.tiny).peekable();
+    if named.peek().is_none() {
+        return unchecked(case);
+    }
+    named.find(|taken| taken.is_suspected).map(|taken| &taken.finalist)
 }
 
 /// For the report.
 ///
 /// - `is_open`: nothing is named.
 pub(super) fn nearest(case: &Case, is_open: bool) -> Option<String> {
+    if case.taken.iter().any(|taken| !taken.tiny && taken.is_suspected) {
+        return None;
+    }
     let unchecked = unchecked(case).filter(|_| is_open);
     unchecked
         .and_then(refused)

@@ -5,7 +5,7 @@ use twin::effect::library::{EffectEntry, find};
 use twin::robot::RobotDescription;
 
 use super::Case;
-use super::nearest::unchecked;
+use super::nearest::suspect;
 use crate::report::schema::{NamedEffect, NextExperiment, Untestable, Verdict};
 
 /// Manoeuvres by what shows an effect: name, duration, s, and what is done.
@@ -99,19 +99,19 @@ pub(super) fn next_experiment(
             ),
         ));
     }
-    if verdict == Verdict::Partial {
-        return Some(NextExperiment {
-            why: "more runs of the kind that showed the gap, to prove the effect on runs that were not used".to_owned(),
-            experiment: experiment(2, robot),
-        });
-    }
-    if let (Verdict::Unexplained, Some(suspect)) = (verdict, unchecked(case)) {
+    if let (Verdict::Partial | Verdict::Unexplained, Some(suspect)) = (verdict, suspect(case)) {
         let name = suspect.member.candidate.entry.name;
         let why = format!(
             "more runs that show whether it is {}: too few of these do",
             name.replace('_', " ")
         );
         return Some(pick(name, why));
+    }
+    if verdict == Verdict::Partial {
+        return Some(NextExperiment {
+            why: "more runs of the kind that showed the gap, to prove the effect on runs that were not used".to_owned(),
+            experiment: experiment(2, robot),
+        });
     }
     let open = untestable.iter().find(|open| {
         let known = find(&open.name).is_some_and(|entry| crate::hypothesis::applies(entry, robot));

@@ -78,6 +78,23 @@ impl Prepared {
         Ok(both)
     }
 
+    /// With the runs of another role under the same model, windows at their present weight.
+    pub fn beside(&self, other: &Prepared, floor: &Floor) -> Prepared {
+        let chained = |a: &[Vec<f64>], b: &[Vec<f64>]| a.iter().chain(b).cloned().collect::<Vec<_>>();
+        let records: Vec<Record> = self.records.iter().chain(&other.records).cloned().collect();
+        let pairs = self.sensitivities.iter().zip(&other.sensitivities);
+        let sensitivities: Vec<Vec<Vec<f64>>> = pairs.map(|(own, others)| chained(own, others)).collect();
+        Prepared {
+            metric: floor.metric(&records, &sensitivities),
+            bounds: Bounds::of(floor, &records),
+            whole: whole(floor, &records, &sensitivities),
+            residuals: chained(&self.residuals, &other.residuals),
+            base: self.base.clone(),
+            records,
+            sensitivities,
+        }
+    }
+
     /// The same with all windows at their weight.
     fn trusting(&self, floor: &Floor) -> Prepared {
         let records: Vec<Record> = self.records.iter().map(Record::trusted).collect();

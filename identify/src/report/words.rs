@@ -55,7 +55,7 @@ pub fn effect_sentence(effect: &NamedEffect) -> String {
 
 /// The whole in one sentence.
 ///
-/// - `suspect`: effect that explains some runs which the others could not check.
+/// - `suspect`: effect that explains runs, but could not be checked on others.
 /// - `has_references`: without them the robot's description was calibrated on the very runs.
 pub fn verdict_sentence(
     verdict: Verdict,
@@ -94,6 +94,9 @@ pub fn verdict_sentence(
             format!("The disagreement is real and no effect of the library explains it. {where_it_is}")
         }
         Verdict::Confirmed => format!("Missing in the twin: {names}.{share}"),
+        Verdict::Partial if suspect.is_some() => format!(
+            "The disagreement is real: {names} would explain it, but these runs do not prove it; another run can tell.{share}"
+        ),
         Verdict::Partial => format!("Missing in the twin: {names}, but not proven or not all.{share}"),
         Verdict::Ambiguous => format!("Missing in the twin: {names} or its like; another run can tell.{share}"),
     }

@@ -6,18 +6,18 @@
 //! down to the noise has explained all of it.
 
 use super::evidence::rest_energies;
-use super::round::{Round, Side};
-use crate::floor::LOUDEST;
+use super::round::Side;
+use crate::floor::{Floor, LOUDEST};
 
 /// Decrease of rho beyond that of the weighted energy, by run and window; nothing without references.
-pub(super) fn beyond(data: &Round, side: &Side, changed: &[Vec<f64>]) -> Vec<Vec<f64>> {
+pub(super) fn beyond(floor: &Floor, side: &Side, changed: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let mut runs = Vec::with_capacity(changed.len());
     for (run, record) in side.records.iter().enumerate() {
-        if data.floor.references.is_empty() {
+        if floor.references.is_empty() {
             runs.push(vec![0.0; record.windows.len()]);
             continue;
         }
-        let expected = data.floor.expected_of_windows(record);
+        let expected = floor.expected_of_windows(record);
         let before = rest_energies(side.metric, run, record, &side.residuals[run]);
         let after = rest_energies(side.metric, run, record, &changed[run]);
         let windows = record.windows.iter().zip(expected).zip(before.into_iter().zip(after));

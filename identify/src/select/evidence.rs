@@ -8,6 +8,7 @@ use crate::floor::Metric;
 use crate::hypothesis::{Axis, Hypothesis};
 use crate::random::Random;
 use crate::record::{CHANNELS, CLASSES, Record, Stages, residuals};
+use twin::robot::RobotDescription;
 
 /// Gain on validation runs over that of an effect of just this size, at least.
 const CONSISTENT: f64 = 0.2;
@@ -44,7 +45,7 @@ pub(super) fn judge(data: &Round, fitted: &Fitted, threshold: f64) -> Finalist {
         member,
         joint: fitted.joint.clone(),
     };
-    finalist.gain_train += sum(&beyond(data, &data.train, &fitted.fit.residuals));
+    finalist.gain_train += sum(&beyond(data.floor, &data.train, &fitted.fit.residuals));
     if finalist.gain_train < weak_bar(data, threshold) {
         finalist.because = gate(data, &finalist, threshold);
         return finalist;
@@ -105,7 +106,7 @@ fn validate(data: &Round, side: &Side, changed: Vec<Vec<f64>>, finalist: &mut Fi
         .metric
         .gram(&[slices(side.residuals), slices(changed), slices(&own)]);
     let weighed = gram.at(0, 0) - gram.at(1, 1);
-    finalist.gain_validation = weighed + sum(&beyond(data, side, changed));
+    finalist.gain_validation = weighed + sum(&beyond(data.floor, side, changed));
     finalist.change_validation = gram.at(2, 2);
     finalist.harmful = harmful(data, side, changed, weighed);
     finalist.worse = worse(data, side, &bounded, weighed);
@@ -275,6 +276,11 @@ fn gate(data: &Round, finalist: &Finalist, threshold: f64) -> Option<String> {
             ));
         }
     }
+    own_doubt(&data.floor.given.description, finalist, threshold)
+}
+
+/// Why an effect would not be believed whatever runs say for it.
+pub(super) fn own_doubt(robot: &RobotDescription, finalist: &Finalist, threshold: f64) -> Option<String> {
     if finalist.is_background() {
         return Some(format!(
             "is in the references as well, at {:.0} % of its size",
@@ -285,7 +291,7 @@ fn gate(data: &Round, finalist: &Finalist, threshold: f64) -> Option<String> {
     if candidate.entry.name == "weak_motor" && finalist.member.values.iter().any(|gain| *gain > 1.0) {
         return Some("its best value is a motor stronger than described".to_owned());
     }
-    let large = candidate.large_size(&data.floor.given.description);
+    let large = candidate.large_size(robot);
     if is_incredible(finalist.size, large, finalist.gain_train, threshold) {
         return Some(format!(
             "explains next to nothing for its size, {:.1} times what is large",
@@ -322,7 +328,7 @@ pub(super) fn stability(data: &Round, pairs: &mut [(Finalist, &Fitted)]) {
     let gains: Vec<Vec<f64>> = pairs
         .iter()
         .map(|(_, fitted)| {
-            let beyond = beyond(data, &data.train, &fitted.fit.residuals);
+            let beyond = beyond(data.floor, &data.train, &fitted.fit.residuals);
             let mut all = Vec::new();
             for (run, record) in data.train.records.iter().enumerate() {
                 let (before, after) = (&data.train.residuals[run], &fitted.fit.residuals[run]);

@@ -9,8 +9,10 @@ mod law_rest;
 mod loud_starts;
 mod round;
 mod split;
+mod suspect;
 
 pub use evidence::window_energies;
 pub use law_rest::{Energies, Explained, decrease, energies, expected};
 pub use round::{Finalist, Round, Sensitivities, Side, Stop, difference, round, slack_of};
 pub use split::{Role, roles};
+pub use suspect::{Question, Suspect};

@@ -169,13 +169,21 @@ pub struct Stop {
 }
 
 impl Stop {
+    /// The training runs show it far beyond chance.
+    pub fn is_far_beyond(&self, finalist: &Finalist) -> bool {
+        finalist.gain_train > FAR_BEYOND * self.threshold
+    }
+
     /// What training runs show far beyond chance and the runs kept for checking hardly do.
-    pub fn unchecked(&self) -> Option<&Finalist> {
+    ///
+    /// - `least_size`: in practical sizes.
+    pub fn unchecked(&self, least_size: f64) -> Option<&Finalist> {
         let is_unchecked = |finalist: &&Finalist| {
             finalist.because.is_some()
                 && !finalist.is_background()
-                && finalist.gain_train > FAR_BEYOND * self.threshold
+                && self.is_far_beyond(finalist)
                 && finalist.is_unshown
+                && finalist.size >= least_size
         };
         let found = self.finalists.iter().filter(is_unchecked);
         found.max_by(|a, b| a.gain_train.total_cmp(&b.gain_train))
@@ -216,6 +224,14 @@ impl Sensitivities {
             .filter(|finalist| finalist.because.is_some() && !finalist.is_background());
         self.refused
             .extend(refused.map(|finalist| (finalist.position, stop.scores[finalist.position].gain)));
+    }
+
+    /// Nothing is left to accept or to take into the floor's model: what was refused before that model was complete is fitted once more.
+    /// Whether there is anything.
+    pub fn reconsider(&mut self) -> bool {
+        let is_any = !self.refused.is_empty();
+        self.refused.clear();
+        is_any
     }
 
     /// Candidates that are not looked at any more.
