@@ -1,16 +1,22 @@
-//! What only one run shows is suspected, and never confirmed.
+//! What the runs show and do not prove is suspected, and never confirmed.
 
 mod plant;
 mod threads;
 
 use identify::channel::Channel;
 use identify::diagnose::{Input, Run, diagnose};
-use identify::report::Verdict;
+use identify::record::Record;
+use identify::report::schema::NamedEffect;
+use identify::report::{Report, Verdict};
+use identify::select::{Role, roles};
 use plant::{Change, background, robot, run, with_effect};
 use threads::Threads;
+use twin::robot::RobotDescription;
 
 const SECONDS: usize = 20;
 const LIMIT_M_PER_S2: f64 = 4.0;
+const TRAINING_KG: f64 = 6.0;
+const OTHERS_KG: f64 = 3.3;
 
 /// Largest difference of the measured wheel speeds of two runs, rad/s.
 fn difference(a: &Run, b: &Run) -> f64 {
@@ -21,12 +27,51 @@ fn difference(a: &Run, b: &Run) -> f64 {
     pairs.fold(0.0, |most, (a, b)| (a - b).abs().max(most))
 }
 
+fn healthy(description: &RobotDescription) -> Change {
+    let driven = description.wheels.iter().filter(|wheel| wheel.driven).count();
+    background(5, description.wheels.len(), driven)
+}
+
+fn found(references: Vec<Run>, runs: Vec<Run>) -> Report {
+    let input = Input {
+        references,
+        runs,
+        locked: Vec::new(),
+        model: None,
+        seed: 1,
+    };
+    let found = diagnose(&Threads(2), &input).unwrap_or_else(|error| panic!("{error}"));
+    found.report
+}
+
+/// The only effect of a report, which is not proven.
+fn suspected<'a>(report: &'a Report, name: &str) -> &'a NamedEffect {
+    let [effect] = &report.effects[..] else {
+        panic!("{}: {:?} {:?}", report.sentence, report.effects, report.remarks);
+    };
+    assert_eq!((effect.name.as_str(), effect.status.as_str()), (name, "ambiguous"));
+    assert_eq!(report.verdict, Verdict::Partial, "{}", report.sentence);
+    let plain = name.replace('_', " ");
+    assert!(
+        report.sentence.contains(&format!("{plain} would explain it")) && report.sentence.contains("do not prove it"),
+        "{}",
+        report.sentence
+    );
+    let next = report.next_experiment.as_ref().expect("something can be done");
+    assert!(next.why.contains(&plain), "{}", next.why);
+    effect
+}
+
+fn assert_doubted(report: &Report, words: &str) {
+    let is_told = |remark: &String| remark.contains(words) && remark.contains("not confirmed without new runs");
+    assert!(report.remarks.iter().any(is_told), "{:?}", report.remarks);
+}
+
 /// Set-points change more slowly than they are told to, and one run of six is driven so harshly that it matters.
 #[test]
 fn a_limit_that_one_run_reaches_is_suspected() {
     let description = robot("diff2");
-    let driven = description.wheels.iter().filter(|wheel| wheel.driven).count();
-    let harsh = background(5, description.wheels.len(), driven);
+    let harsh = healthy(&description);
     let smooth = Change {
         is_smooth: true,
         ..harsh.clone()
@@ -49,47 +94,39 @@ fn a_limit_that_one_run_reaches_is_suspected() {
             with
         })
         .collect();
-    let input = Input {
-        references: (0..4)
-            .map(|k| make(&format!("reference-{k}"), &harsh, 500 + k))
-            .collect(),
-        runs,
-        locked: Vec::new(),
-        model: None,
-        seed: 1,
-    };
-    let found = diagnose(&Threads(2), &input).unwrap_or_else(|error| panic!("{error}"));
-    let report = found.report;
-    assert_eq!(
-        report.verdict,
-        Verdict::Partial,
-        "{}: {:?}",
-        report.sentence,
-        report.remarks
-    );
-    let [effect] = &report.effects[..] else {
-        panic!("{:?}", report.effects);
-    };
-    assert_eq!(
-        (effect.name.as_str(), effect.status.as_str()),
-        ("acceleration_limit", "ambiguous")
-    );
+    let references = (0..4).map(|k| make(&format!("reference-{k}"), &harsh, 500 + k));
+    let report = found(references.collect(), runs);
+    let effect = suspected(&report, "acceleration_limit");
     let limit = effect.parameters[0].value.expect("a limit has a value");
     assert!((limit / LIMIT_M_PER_S2 - 1.0).abs() < 0.1, "{limit} m/s2");
-    assert!(
-        report.sentence.contains("acceleration limit would explain it") && report.sentence.contains("do not prove it"),
-        "{}",
-        report.sentence
-    );
-    let next = report.next_experiment.expect("something can be done");
-    assert!(next.why.contains("acceleration limit"), "{}", next.why);
-    let doubt = report
-        .remarks
-        .iter()
-        .find(|remark| remark.contains("not confirmed without new runs"));
-    assert!(
-        doubt.is_some_and(|remark| remark.contains("acceleration_limit: only some runs show it")),
-        "{:?}",
-        report.remarks
+    assert_doubted(&report, "acceleration_limit: only some runs show it");
+}
+
+/// The runs kept for checking carry little more than half of what the training runs carry: neither side's load explains the other's runs, and all of them carry
+/// something.
+#[test]
+fn a_load_that_differs_between_the_sides_is_suspected() {
+    let description = robot("diff2");
+    let unloaded = healthy(&description);
+    let make = |name: &str, change: &Change, seed: u64| run(name, &description, change, seed, SECONDS, false);
+    let loaded = |load_kg: f64| with_effect(&unloaded, "payload", load_kg, &description);
+    // Loads do not change what is commanded, and that decides what a run is for.
+    let liveliness = |seed: u64| {
+        let run = make("run", &unloaded, seed);
+        Record::of(&run.path, &run.bundle).largest_command_rad_per_s
+    };
+    let roles = roles(&(600..606).map(liveliness).collect::<Vec<f64>>(), false);
+    let runs = (600..).zip(&roles).map(|(seed, role)| {
+        let load_kg = if *role == Role::Train { TRAINING_KG } else { OTHERS_KG };
+        make(&format!("run-{seed}"), &loaded(load_kg), seed)
+    });
+    let references = (500..504).map(|seed| make(&format!("reference-{seed}"), &unloaded, seed));
+    let report = found(references.collect(), runs.collect());
+    let effect = suspected(&report, "payload");
+    let load_kg = effect.parameters[0].value.expect("a load has a mass");
+    assert!((OTHERS_KG..TRAINING_KG).contains(&load_kg), "{load_kg} kg");
+    assert_doubted(
+        &report,
+        "payload: training and validation runs show it, but not at the sizes",
     );
 }

@@ -35,6 +35,8 @@ pub struct Data {
 #[serde(default)]
 pub struct Effect {
     pub name: String,
+    /// "confirmed" or "ambiguous".
+    pub status: String,
     pub index: Option<usize>,
     pub alternatives: Vec<String>,
     pub parameters: Vec<Parameter>,

@@ -49,7 +49,7 @@ use evenness::Evenness;
 use final_fit::finish;
 use louder::Compared;
 use prepared::{Prepared, Whole, enough, prepare};
-use suspected::take_suspect;
+use suspected::{drop_suspect, take_suspect};
 use usable::{check, usable};
 use validation_gap::{adds_nothing, prefer};
 
@@ -514,7 +514,9 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
         case.energies.name(&whole.train, &whole.validation);
         case.levels.after = compared(&case.floor, whole.references.as_ref(), &whole.train, &whole.validation);
     }
-    finish(workers, case, &stages, members, [train, validation])
+    finish(workers, case, &stages, members, [train, validation])?;
+    drop_suspect(case);
+    Ok(())
 }
 
 /// Where the gap is on the floor, as places of a patch.

@@ -6,6 +6,14 @@ use crate::fit::{Member, with_members};
 use crate::select::{Question, Suspect};
 use crate::workers::{Cancelled, Workers};
 
+/// What is suspected and may be none by the interval of its size is not listed after all: two doubts are too many.
+pub(super) fn drop_suspect(case: &mut Case) {
+    if case.taken.iter().any(|taken| taken.is_suspected && taken.may_be_none) {
+        case.taken.retain(|taken| !taken.is_suspected);
+        case.fit = None;
+    }
+}
+
 /// Takes what the last round suspects, if it named nothing; the sides are under it then.
 pub(super) fn take_suspect(
     workers: &dyn Workers,

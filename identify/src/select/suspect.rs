@@ -43,8 +43,14 @@ impl Question<'_> {
     /// Of what a round refused.
     pub fn suspect(&self, workers: &dyn Workers, stop: &Stop) -> Result<Option<Suspect>, Cancelled> {
         let robot = &self.floor.given.description;
+        // What the references have some of may be there in any measure: more of it is no news that goes without proof.
+        let is_known = |finalist: &Finalist| {
+            let name = finalist.member.candidate.entry.name;
+            self.floor.absorbed.iter().any(|effect| effect.name == name)
+        };
         let is_open = |finalist: &&Finalist| {
             finalist.because.is_some()
+                && !is_known(finalist)
                 && finalist.gain_train >= stop.threshold
                 && finalist.size >= self.least_size
                 && own_doubt(robot, finalist, stop.threshold).is_none()

@@ -69,7 +69,9 @@ pub fn headline(report: &Report) -> String {
             length(gap.after)
         )
     });
-    format!("{robot} {}{gap}.", effects.join(" and "))
+    let is_open = report.effects.iter().all(|effect| effect.status == "ambiguous");
+    let hedge = if is_open { "Not proven: " } else { "" };
+    format!("{hedge}{robot} {}{gap}.", effects.join(" and "))
 }
 
 /// The figure that people look at first: positions two seconds ahead, and how many runs it was measured on.
@@ -256,6 +258,21 @@ mod tests {
                 "parameters": [{"name": "offset", "value": 0.04, "unit": "rad"}, {"name": "limit", "value": null, "unit": "rad"}]}]}"#,
         );
         assert_eq!(headline(&report), "rwd-01 shows steering offset (offset 0.040 rad).");
+    }
+
+    #[test]
+    fn what_is_not_proven_is_not_told_as_a_fact() {
+        let of = |statuses: [&str; 2]| {
+            let effects = statuses.map(|status| {
+                format!(r#"{{"name": "payload", "status": "{status}", "parameters": [{{"name": "mass", "value": 2.0, "unit": "kg"}}]}}"#)
+            });
+            headline(&report(&format!(
+                r#"{{"robot": "rwd-01", "verdict": "partial", "effects": [{}]}}"#,
+                effects.join(", ")
+            )))
+        };
+        assert!(of(["ambiguous", "ambiguous"]).starts_with("Not proven: rwd-01 carries 2.0 kg more than described"));
+        assert!(of(["confirmed", "ambiguous"]).starts_with("rwd-01 carries"));
     }
 
     #[test]

@@ -183,6 +183,10 @@ fn one_effect(ui: &mut Ui, effect: &Effect, largest: f64, palette: &Palette) {
         ui.label(phrase::parameter_with_interval(parameter));
     }
     plots::evidence(ui, effect, largest, palette);
+    if effect.status == "ambiguous" && effect.alternatives.is_empty() {
+        let text = "Not proven. Why is told under \u{201c}How it was found\u{201d}.";
+        ui.add(Label::new(RichText::new(text).color(palette.warning)).wrap());
+    }
     if !effect.alternatives.is_empty() {
         let names: Vec<String> = effect.alternatives.iter().map(|name| phrase::plain(name)).collect();
         let text = format!("These runs cannot tell it from: {}.", names.join(", "));
