@@ -289,7 +289,7 @@ impl Question<'_> {
                 threshold: self.threshold,
                 evenness: None,
                 may_be_none: false,
-                is_suspected: false,
+                suspected: None,
             },
             runs: runs.into_iter().chain(locked).collect(),
         })))

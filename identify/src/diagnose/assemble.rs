@@ -179,7 +179,7 @@ fn verdict(case: &Case) -> Verdict {
     }
     let remains = remains
         || louder(&levels.after).is_some_and(|louder| share_left(&levels.before, &levels.after, louder.class) > REST);
-    if naming.iter().any(|taken| taken.is_suspected) {
+    if naming.iter().any(|taken| taken.suspected.is_some()) {
         return Verdict::Partial;
     }
     if naming.iter().any(|taken| !other_names(taken).is_empty()) {
@@ -315,7 +315,12 @@ fn named(case: &Case, is_proven: bool) -> Vec<NamedEffect> {
                 gain: rounded(finalist.gain()),
                 threshold: rounded(taken.threshold),
                 stability: rounded(finalist.stability),
-                gain_validation: rounded(finalist.gain_validation),
+                // Of what is suspected on both sides nothing was kept back.
+                gain_validation: if taken.suspected.is_some() && !finalist.is_unshown {
+                    0.0
+                } else {
+                    rounded(finalist.gain_validation)
+                },
             },
             alternatives,
             excluded,

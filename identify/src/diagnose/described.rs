@@ -188,7 +188,7 @@ impl Choice<'_> {
                 tiny: false,
                 evenness: None,
                 may_be_none: false,
-                is_suspected: false,
+                suspected: None,
             });
             free = with;
             open.retain(|other| *other != group);

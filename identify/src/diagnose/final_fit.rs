@@ -13,19 +13,18 @@ use crate::workers::Workers;
 
 /// The final numbers on training and validation runs together.
 ///
-/// - `sides`: these runs, as they were searched.
+/// - `train`, `validation`: these runs, as they were searched.
 pub(super) fn finish(
     workers: &dyn Workers,
     case: &mut Case,
     stages: &[Stages],
     members: Vec<Member>,
-    sides: [Prepared; 2],
+    [train, validation]: [&Prepared; 2],
 ) -> Result<(), DiagnoseError> {
     if members.is_empty() {
         return Ok(());
     }
     workers.progress("final fit", 0.9);
-    let [train, validation] = sides;
     let mut both = if case.arrived.is_empty() && train.is_of(&case.floor) && validation.is_of(&case.floor) {
         train.joined(workers, validation, &case.floor)?
     } else {

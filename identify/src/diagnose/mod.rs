@@ -49,7 +49,7 @@ use evenness::Evenness;
 use final_fit::finish;
 use louder::Compared;
 use prepared::{Prepared, Whole, enough, prepare};
-use suspected::{drop_suspect, take_suspect};
+use suspected::{drop_doubtful, take_suspect};
 use usable::{check, usable};
 use validation_gap::{adds_nothing, prefer};
 
@@ -105,8 +105,8 @@ struct Taken {
     evenness: Option<Evenness>,
     /// The intervals of all its sizes reach to no effect.
     may_be_none: bool,
-    /// Nothing passed, and this is what is suspected.
-    is_suspected: bool,
+    /// Nothing passed, and this is what is suspected: why it did not pass.
+    suspected: Option<String>,
 }
 
 impl Taken {
@@ -138,13 +138,13 @@ impl Taken {
                 "{name}: by the interval of its size there may be none of it, although it explains what chance does not"
             )
         });
-        let suspected = self.is_suspected.then(|| {
+        let suspected = self.suspected.as_ref().map(|because| {
             let why = if self.finalist.is_unshown {
                 "only some runs show it, and those kept for checking hardly do"
             } else {
                 "training and validation runs show it, but not at the sizes that the training runs alone give"
             };
-            format!("{name}: {why}; not confirmed without new runs that show it")
+            format!("{name}: {why} ({because}); not confirmed without new runs that show it")
         });
         let doubts = uneven.into_iter().chain(in_turn).chain(nothing);
         doubts.chain(suspected).collect()
@@ -505,18 +505,30 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
         coarse = train.thinned(&case.floor);
         kept.outdate();
     }
-    take_suspect(workers, case, &mut members, &mut train, &mut validation)?;
-    if case.arrived.is_empty() {
-        case.energies.name(&train, &validation);
-        case.levels.after = compared(&case.floor, reference_metric.as_ref(), &train, &validation);
-    } else {
-        let whole = Whole::of(&case.floor, &train, &validation);
-        case.energies.name(&whole.train, &whole.validation);
-        case.levels.after = compared(&case.floor, whole.references.as_ref(), &whole.train, &whole.validation);
+    let located = case.located.clone();
+    take_suspect(
+        workers,
+        case,
+        reference_metric.as_ref(),
+        &mut members,
+        [&mut train, &mut validation],
+    )?;
+    loop {
+        if case.arrived.is_empty() {
+            reference_metric = self::reference_metric(&case.floor);
+            case.energies.name(&train, &validation);
+            case.levels.after = compared(&case.floor, reference_metric.as_ref(), &train, &validation);
+        } else {
+            let whole = Whole::of(&case.floor, &train, &validation);
+            case.energies.name(&whole.train, &whole.validation);
+            case.levels.after = compared(&case.floor, whole.references.as_ref(), &whole.train, &whole.validation);
+        }
+        finish(workers, case, &stages, members.clone(), [&train, &validation])?;
+        if !drop_doubtful(workers, case, &mut members, [&mut train, &mut validation])? {
+            return Ok(());
+        }
+        case.located = located.clone();
     }
-    finish(workers, case, &stages, members, [train, validation])?;
-    drop_suspect(case);
-    Ok(())
 }
 
 /// Where the gap is on the floor, as places of a patch.
@@ -555,7 +567,7 @@ fn taken(stop: &Stop, accepted: usize) -> Taken {
         threshold: stop.threshold,
         evenness: None,
         may_be_none: false,
-        is_suspected: false,
+        suspected: None,
     }
 }
 

@@ -4,9 +4,12 @@ use super::assemble::values_of;
 use super::{Case, TINY};
 use crate::select::{Finalist, Stop};
 
-/// What some runs show and the others do not.
+/// What some runs show and the others do not, unless it was denied since or is what the references have some of.
 pub(super) fn unchecked<'a>(case: &'a Case) -> Option<&'a Finalist> {
-    case.last.as_ref()?.unchecked(TINY)
+    let found = case.last.as_ref()?.unchecked(TINY)?;
+    let name = found.member.candidate.entry.name;
+    let is_denied = case.withdrawn.as_ref().is_some_and(|(names, _)| names.contains(&name));
+    (!is_denied && !case.floor.has_absorbed(name)).then_some(found)
 }
 
 /// What the report suspects: taken into the model without proof, or, when nothing is named, what could not be checked.
@@ -15,14 +18,16 @@ pub(super) fn suspect<'a>(case: &'a Case) -> Option<&'a Finalist> {
     if named.peek().is_none() {
         return unchecked(case);
     }
-    named.find(|taken| taken.is_suspected).map(|taken| &taken.finalist)
+    named
+        .find(|taken| taken.suspected.is_some())
+        .map(|taken| &taken.finalist)
 }
 
 /// For the report.
 ///
 /// - `is_open`: nothing is named.
 pub(super) fn nearest(case: &Case, is_open: bool) -> Option<String> {
-    if case.taken.iter().any(|taken| !taken.tiny && taken.is_suspected) {
+    if case.taken.iter().any(|taken| !taken.tiny && taken.suspected.is_some()) {
         return None;
     }
     let unchecked = unchecked(case).filter(|_| is_open);

@@ -101,15 +101,17 @@ pub(super) fn next_experiment(
     }
     if let (Verdict::Partial | Verdict::Unexplained, Some(suspect)) = (verdict, suspect(case)) {
         let name = suspect.member.candidate.entry.name;
-        let why = format!(
-            "more runs that show whether it is {}: too few of these do",
-            name.replace('_', " ")
-        );
+        let plain = name.replace('_', " ");
+        let why = if suspect.is_unshown {
+            format!("shows whether it is {plain}: too few of these runs do")
+        } else {
+            format!("shows whether it is {plain}, and how much: these runs do not agree on it")
+        };
         return Some(pick(name, why));
     }
     if verdict == Verdict::Partial {
         return Some(NextExperiment {
-            why: "more runs of the kind that showed the gap, to prove the effect on runs that were not used".to_owned(),
+            why: "shows the gap once more, to prove the effect on runs that were not used".to_owned(),
             experiment: experiment(2, robot),
         });
     }

@@ -63,17 +63,9 @@ impl Prepared {
     }
 
     /// With the runs of another role, under the floor's model, all windows at their weight.
-    pub fn joined(self, workers: &dyn Workers, other: Prepared, floor: &Floor) -> Result<Prepared, Cancelled> {
-        let records = self.records.iter().chain(&other.records);
-        let mut both = Prepared {
-            records: records.map(Record::trusted).collect(),
-            residuals: self.residuals.into_iter().chain(other.residuals).collect(),
-            sensitivities: self.sensitivities,
-            ..self
-        };
-        for (own, others) in both.sensitivities.iter_mut().zip(other.sensitivities) {
-            own.extend(others);
-        }
+    pub fn joined(&self, workers: &dyn Workers, other: &Prepared, floor: &Floor) -> Result<Prepared, Cancelled> {
+        let mut both = self.beside(other, floor);
+        both.records = both.records.iter().map(Record::trusted).collect();
         both.renew(workers, floor, &floor.model)?;
         Ok(both)
     }

@@ -1,47 +1,50 @@
-//! When nothing could be named: what is suspected goes into the model as an effect that is not confirmed.
+//! When nothing could be named: what is suspected goes into the model as an effect that is not confirmed. And what is doubted twice goes out of it.
 
+use super::prepared::Prepared;
 use super::{Case, TINY, Taken, hear};
-use crate::diagnose::prepared::Prepared;
 use crate::fit::{Member, with_members};
+use crate::floor::Metric;
 use crate::select::{Question, Suspect};
 use crate::workers::{Cancelled, Workers};
 
-/// What is suspected and may be none by the interval of its size is not listed after all: two doubts are too many.
-pub(super) fn drop_suspect(case: &mut Case) {
-    if case.taken.iter().any(|taken| taken.is_suspected && taken.may_be_none) {
-        case.taken.retain(|taken| !taken.is_suspected);
-        case.fit = None;
-    }
-}
+/// A name with so many doubts is not listed.
+const TOO_MANY: usize = 2;
 
 /// Takes what the last round suspects, if it named nothing; the sides are under it then.
 pub(super) fn take_suspect(
     workers: &dyn Workers,
     case: &mut Case,
+    reference_metric: Option<&Metric>,
     members: &mut Vec<Member>,
-    train: &mut Prepared,
-    validation: &mut Prepared,
+    [train, validation]: [&mut Prepared; 2],
 ) -> Result<(), Cancelled> {
     let is_open = case.taken.iter().all(|taken| taken.tiny) && case.arrived.is_empty();
     let Some(stop) = case.last.as_ref().filter(|_| is_open) else {
         return Ok(());
     };
-    if case.floor.references.is_empty() || validation.records.is_empty() {
+    let Some(reference_metric) = reference_metric.filter(|_| !validation.records.is_empty()) else {
         return Ok(());
-    }
+    };
     let all = train.beside(validation, &case.floor);
-    let both = all.thinned(&case.floor).unwrap_or(all);
+    let few = all.thinned(&case.floor);
     let model = with_members(&case.floor.model, members);
     let question = Question {
         floor: &case.floor,
+        reference_metric,
         model: &model,
-        both: both.side(),
-        training_runs: train.records.len(),
+        train: train.side(),
+        validation: validation.side(),
+        fitted: few.as_ref().unwrap_or(&all).side(),
         least_size: TINY,
     };
-    let Some(Suspect { finalist, alternatives }) = question.suspect(workers, stop)? else {
+    let Some(suspect) = question.suspect(workers, stop)? else {
         return Ok(());
     };
+    let Suspect {
+        finalist,
+        alternatives,
+        because,
+    } = suspect;
     let is_listed =
         |position: usize| position == finalist.position || alternatives.iter().any(|other| other.position == position);
     let excluded = stop.finalists.iter().filter(|other| !is_listed(other.position));
@@ -51,12 +54,56 @@ pub(super) fn take_suspect(
         tiny: false,
         evenness: None,
         may_be_none: false,
-        is_suspected: true,
+        suspected: Some(because),
         finalist,
         alternatives,
     };
     members.push(taken.finalist.member.clone());
     case.taken.push(taken);
+    renew(workers, case, members, [train, validation])
+}
+
+/// Takes out of the model what is doubted twice, and what is suspected and has no size after all. Whether there was any.
+pub(super) fn drop_doubtful(
+    workers: &dyn Workers,
+    case: &mut Case,
+    members: &mut Vec<Member>,
+    sides: [&mut Prepared; 2],
+) -> Result<bool, Cancelled> {
+    if case.floor.references.is_empty() || !case.arrived.is_empty() {
+        return Ok(false);
+    }
+    let is_fitted = case.fit.is_some();
+    let is_doubtful = |taken: &Taken| {
+        let is_none = taken.suspected.is_some() && (taken.tiny || !is_fitted);
+        is_none || !taken.tiny && taken.doubts().len() >= TOO_MANY
+    };
+    let doubtful: Vec<bool> = case.taken.iter().map(is_doubtful).collect();
+    if !doubtful.contains(&true) || doubtful.len() != members.len() {
+        return Ok(false);
+    }
+    let (mut names, mut words) = (Vec::new(), Vec::new());
+    for (taken, _) in case.taken.iter().zip(&doubtful).filter(|(_, doubtful)| **doubtful) {
+        names.push(taken.finalist.member.candidate.entry.name);
+        words.extend(taken.doubts());
+    }
+    case.withdrawn = Some((names, format!("is doubted more than once: {}", words.join("; "))));
+    let mut keep = doubtful.iter().map(|doubtful| !doubtful);
+    members.retain(|_| keep.next().unwrap_or(true));
+    let mut keep = doubtful.iter().map(|doubtful| !doubtful);
+    case.taken.retain(|_| keep.next().unwrap_or(true));
+    case.fit = None;
+    renew(workers, case, members, sides)?;
+    Ok(true)
+}
+
+/// The sides under another list of members.
+fn renew(
+    workers: &dyn Workers,
+    case: &mut Case,
+    members: &[Member],
+    [train, validation]: [&mut Prepared; 2],
+) -> Result<(), Cancelled> {
     let model = with_members(&case.floor.model, members);
     train.renew(workers, &case.floor, &model)?;
     validation.renew(workers, &case.floor, &model)?;

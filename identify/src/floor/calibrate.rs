@@ -200,6 +200,11 @@ impl Floor {
         (self.references.split_off(kept), self.residuals.split_off(kept))
     }
 
+    /// The references have some of the effect, and it is in the model.
+    pub fn has_absorbed(&self, name: &str) -> bool {
+        self.absorbed.iter().any(|effect| effect.name == name)
+    }
+
     /// Takes an effect that the references have as well into the calibrated model.
     pub fn absorb(&mut self, effects: Vec<twin::effect::Effect>, residuals: Vec<Vec<f64>>) {
         self.model.effects.extend(effects.iter().cloned());

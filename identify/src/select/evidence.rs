@@ -4,7 +4,7 @@ use super::beyond::{beyond, sum};
 use super::in_turn::{in_turn, is_hardly_shown};
 use super::round::{Finalist, Fitted, Round, Side, VALIDATION_GAIN, difference, slices, weak_bar};
 use crate::fit::{Bounded, with_members};
-use crate::floor::Metric;
+use crate::floor::{Floor, Metric};
 use crate::hypothesis::{Axis, Hypothesis};
 use crate::random::Random;
 use crate::record::{CHANNELS, CLASSES, Record, Stages, residuals};
@@ -80,7 +80,7 @@ pub(super) fn judge(data: &Round, fitted: &Fitted, threshold: f64) -> Finalist {
         );
     }
     if let Some(metric) = data.reference_metric {
-        finalist.in_references = amplitude_in_references(data, metric, &alone, own_stages).unwrap_or(0.0);
+        finalist.in_references = amplitude_in_references(data.floor, metric, &alone, own_stages).unwrap_or(0.0);
     }
     finalist.because = gate(data, &finalist, threshold);
     let is_asked = finalist.because.is_some() && finalist.is_unshown && finalist.gain_train >= threshold;
@@ -228,17 +228,18 @@ pub(super) fn rest_energies(metric: &Metric, run: usize, record: &Record, vector
         .collect()
 }
 
-fn amplitude_in_references(data: &Round, metric: &Metric, model: &Hypothesis, stages: Stages) -> Option<f64> {
-    let pairs = data.floor.references.iter().zip(&data.floor.residuals);
+pub(super) fn amplitude_in_references(
+    floor: &Floor,
+    metric: &Metric,
+    model: &Hypothesis,
+    stages: Stages,
+) -> Option<f64> {
+    let pairs = floor.references.iter().zip(&floor.residuals);
     let changed: Option<Vec<Vec<f64>>> = pairs
         .map(|(record, base)| residuals(record, model, stages, Some(base)))
         .collect();
-    let own = difference(&data.floor.residuals, &changed?);
-    let gram = metric.gram(&[
-        slices(&data.floor.residuals),
-        slices(&data.floor.left_out),
-        slices(&own),
-    ]);
+    let own = difference(&floor.residuals, &changed?);
+    let gram = metric.gram(&[slices(&floor.residuals), slices(&floor.left_out), slices(&own)]);
     // Too weak on the references to say. What was calibrated on them may have taken it up.
     (gram.at(2, 2) > 9.0).then(|| gram.at(0, 2).max(gram.at(1, 2)) / gram.at(2, 2))
 }

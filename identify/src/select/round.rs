@@ -494,6 +494,20 @@ mod tests {
     use crate::hypothesis::{Excitation, candidates};
     use twin::golden::reference_robot;
 
+    #[test]
+    fn what_was_refused_is_heard_once_more_and_what_came_to_nothing_is_not() {
+        let mut kept = Sensitivities {
+            vain: vec![(5, 40.0)],
+            refused: vec![(3, 40.0)],
+            ..Sensitivities::default()
+        };
+        assert!(kept.is_vain(3, 50.0) && kept.is_vain(5, 50.0) && !kept.is_vain(4, 50.0));
+        assert!(!kept.is_vain(3, 61.0), "half as much again is seen of it");
+        assert!(kept.reconsider());
+        assert!(!kept.is_vain(3, 50.0) && kept.is_vain(5, 50.0));
+        assert!(!kept.reconsider(), "nothing is left to hear");
+    }
+
     /// Motors score best, the true one third of four: two wheels of an effect are all that a list takes.
     #[test]
     fn a_third_wheel_is_fitted_when_nothing_of_the_first_list_passes() {

@@ -1,59 +1,55 @@
 //! What is suspected when nothing passes: an effect that training runs show far beyond chance and the runs kept for checking hardly do, or one that both
-//! show, but not at the sizes that the training runs alone give.
+//! sides show, but not at the sizes that the training runs alone give.
 //!
 //! One pass over a slippery place tells that there is one and little of where it ends; a second pass on another run then contradicts the sizes of the first
-//! and not the effect. Fitted to both such an effect explains each of them as far as would be asked of it there alone. That is no proof, for nothing is left
-//! that it was not fitted to, and so it is never confirmed; to deny it would be wrong as well.
+//! and not the effect. Fitted to both sides such an effect explains each of them as far as would be asked of it there alone. That is no proof, for nothing is
+//! left that it was not fitted to, and so it is never confirmed; to deny it would be wrong as well.
 
-use super::beyond::beyond;
-use super::evidence::own_doubt;
+use super::beyond::{beyond, sum};
+use super::evidence::{amplitude_in_references, own_doubt};
 use super::law_rest::energies;
-use super::round::{Finalist, Side, Stop, slack_of};
-use crate::fit::{Fit, Member, Problem, fit};
-use crate::floor::Floor;
+use super::round::{Finalist, Side, Stop, VALIDATION_GAIN, slack_of, slices};
+use crate::fit::{Member, Problem, fit, with_members};
+use crate::floor::{Floor, Metric};
 use crate::hypothesis::{Candidate, Hypothesis, Kind};
-use crate::linear::Square;
+use crate::record::residuals;
 use crate::screen::{Change, columns, scores};
 use crate::workers::{Cancelled, Workers, gathered};
 
-/// So many of what the training runs show most are fitted to both.
+/// So many of what the training runs show most are fitted to both sides.
 const MOST: usize = 4;
-/// A channel may become louder by this share, or by this share of the whole gain.
+/// The energy of a channel may not rise by more than this share of itself and this share of the whole gain.
 const LOUDER: f64 = 0.1;
 const HARM: f64 = 0.25;
 
 /// Both sides of the data, and what the model has.
 pub struct Question<'a> {
     pub floor: &'a Floor,
+    pub reference_metric: &'a Metric,
     pub model: &'a Hypothesis,
-    /// Training runs, and after them the runs kept for checking.
-    pub both: Side<'a>,
-    pub training_runs: usize,
+    pub train: Side<'a>,
+    pub validation: Side<'a>,
+    /// Windows of both that are fitted to; all of them when there are few.
+    pub fitted: Side<'a>,
     /// In practical sizes.
     pub least_size: f64,
 }
 
-/// An effect that is suspected, and others that explain as much.
+/// An effect that is suspected, others that explain as much, and why it did not pass.
 pub struct Suspect {
     pub finalist: Finalist,
     pub alternatives: Vec<Finalist>,
+    pub because: String,
 }
 
 impl Question<'_> {
     /// Of what a round refused.
     pub fn suspect(&self, workers: &dyn Workers, stop: &Stop) -> Result<Option<Suspect>, Cancelled> {
-        let robot = &self.floor.given.description;
-        // What the references have some of may be there in any measure: more of it is no news that goes without proof.
-        let is_known = |finalist: &Finalist| {
-            let name = finalist.member.candidate.entry.name;
-            self.floor.absorbed.iter().any(|effect| effect.name == name)
-        };
         let is_open = |finalist: &&Finalist| {
-            finalist.because.is_some()
-                && !is_known(finalist)
-                && finalist.gain_train >= stop.threshold
-                && finalist.size >= self.least_size
-                && own_doubt(robot, finalist, stop.threshold).is_none()
+            // What the references have some of may be there in any measure: more of it is no news that goes without proof.
+            finalist.gain_train >= stop.threshold
+                && !self.floor.has_absorbed(finalist.member.candidate.entry.name)
+                && self.is_sound(finalist, stop.threshold)
         };
         let mut open: Vec<&Finalist> = stop.finalists.iter().filter(is_open).collect();
         open.sort_by(|a, b| b.gain_train.total_cmp(&a.gain_train).then(a.position.cmp(&b.position)));
@@ -61,21 +57,43 @@ impl Question<'_> {
         let mut found: Vec<Finalist> = Vec::new();
         for finalist in open {
             if finalist.is_unshown {
-                found.extend(stop.is_far_beyond(finalist).then(|| finalist.clone()));
+                let is_suspect = stop.is_far_beyond(finalist) && self.is_unopposed(finalist);
+                found.extend(is_suspect.then(|| finalist.clone()));
             } else {
                 found.extend(self.reconciled(workers, finalist, stop.threshold)?);
             }
         }
-        found.sort_by(|a, b| b.gain().total_cmp(&a.gain()).then(a.position.cmp(&b.position)));
+        // What both sides show comes before what one of them says alone, however much that is.
+        let order = |a: &Finalist, b: &Finalist| {
+            let by_gain = b.gain().total_cmp(&a.gain());
+            a.is_unshown
+                .cmp(&b.is_unshown)
+                .then(by_gain)
+                .then(a.position.cmp(&b.position))
+        };
+        found.sort_by(order);
         let mut found = found.into_iter();
         let Some(mut finalist) = found.next() else {
             return Ok(None);
         };
-        finalist.because = None;
+        let because = finalist.because.take();
         let slack = slack_of(self.floor)(finalist.gain());
         let is_near = |other: &Finalist| finalist.gain() - other.gain() < slack;
         let alternatives = found.filter(is_near).collect();
-        Ok(Some(Suspect { finalist, alternatives }))
+        Ok(Some(Suspect {
+            finalist,
+            alternatives,
+            because: because.unwrap_or_else(|| "others explain more in too many half-splits".to_owned()),
+        }))
+    }
+
+    fn is_sound(&self, finalist: &Finalist, threshold: f64) -> bool {
+        finalist.size >= self.least_size && own_doubt(&self.floor.given.description, finalist, threshold).is_none()
+    }
+
+    /// The validation runs say no more against it than chance may.
+    fn is_unopposed(&self, finalist: &Finalist) -> bool {
+        finalist.gain_validation > -VALIDATION_GAIN * self.floor.inflation()
     }
 
     /// Fitted to both sides, if that explains each of them.
@@ -88,30 +106,34 @@ impl Question<'_> {
         let candidate = &finalist.member.candidate;
         let mut starts = vec![finalist.member.values.clone()];
         starts.extend(self.starts_of_validation(workers, candidate)?);
-        let both = &self.both;
+        let few = &self.fitted;
         let problem = Problem {
-            records: both.records,
-            metric: both.metric,
-            bounds: both.bounds,
+            records: few.records,
+            metric: few.metric,
+            bounds: few.bounds,
             base: self.model,
-            residuals: both.residuals,
-            wanted_gain: 2.0 * threshold,
+            residuals: few.residuals,
+            wanted_gain: 2.0 * threshold * self.share(),
         };
-        let fits = gathered(workers, starts.len(), &|item| {
+        let judged = gathered(workers, starts.len(), &|item| {
             let member = Member {
                 candidate: candidate.clone(),
                 values: starts[item].clone(),
             };
-            fit(&problem, vec![member])
+            let fit = fit(&problem, vec![member])?;
+            self.judged(finalist, fit.members.into_iter().next()?)
         })?;
-        let judged = fits.into_iter().flatten().filter_map(|fit| {
-            let judged = self.judged(finalist, &fit);
-            let is_shown = judged.gain_train >= threshold && judged.gain_validation >= threshold;
-            let is_sound = judged.size >= self.least_size
-                && own_doubt(&self.floor.given.description, &judged, threshold).is_none();
-            (is_shown && is_sound && !self.is_harmful(&fit)).then_some(judged)
-        });
-        Ok(judged.max_by(|a, b| a.gain().total_cmp(&b.gain())))
+        let is_shown = |judged: &Finalist| {
+            judged.gain_train >= threshold && judged.gain_validation >= threshold && self.is_sound(judged, threshold)
+        };
+        let shown = judged.into_iter().flatten().filter(is_shown);
+        Ok(shown.max_by(|a, b| a.gain().total_cmp(&b.gain())))
+    }
+
+    /// Windows that are fitted to, as a share of all.
+    fn share(&self) -> f64 {
+        let count = |side: &Side| side.residuals.iter().map(Vec::len).sum::<usize>() as f64;
+        count(&self.fitted) / (count(&self.train) + count(&self.validation)).max(1.0)
     }
 
     /// Where the runs kept for checking would begin, of an effect whose place or shape slopes do not tell.
@@ -125,51 +147,46 @@ impl Question<'_> {
             step: 1.0,
         };
         let changes: Vec<Change> = candidate.columns.iter().map(|column| probe(&column.values)).collect();
-        let runs = self.training_runs..self.both.records.len();
-        let (records, residuals) = (&self.both.records[runs.clone()], &self.both.residuals[runs.clone()]);
-        let columns = columns(workers, records, residuals, &changes)?;
-        let mut gram = Square::zero(1 + columns.len());
-        for (position, run) in runs.enumerate() {
-            let mut vectors: Vec<&[f64]> = vec![&residuals[position]];
-            vectors.extend(columns.iter().map(|column| column[position].as_slice()));
-            let own = self.both.metric.gram_of_run(run, &vectors);
-            gram.values
-                .iter_mut()
-                .zip(&own.values)
-                .for_each(|(sum, own)| *sum += own);
-        }
-        let score = scores(core::slice::from_ref(candidate), &gram).swap_remove(0);
-        Ok(core::iter::once(score.start).chain(score.more_starts).collect())
+        let side = &self.validation;
+        let columns = columns(workers, side.records, side.residuals, &changes)?;
+        let mut vectors: Vec<Vec<&[f64]>> = vec![slices(side.residuals)];
+        vectors.extend(columns.iter().map(|column| slices(column)));
+        let scores = scores(core::slice::from_ref(candidate), &side.metric.gram(&vectors));
+        let starts = scores
+            .into_iter()
+            .flat_map(|score| core::iter::once(score.start).chain(score.more_starts));
+        Ok(starts.collect())
     }
 
-    /// The finalist with a fit's sizes and what they gain on either side.
-    fn judged(&self, finalist: &Finalist, fit: &Fit) -> Finalist {
-        let both = &self.both;
-        let beyond = beyond(self.floor, both, &fit.residuals);
-        let gain = |run: usize| {
-            let energy = |vector: &[f64]| both.metric.gram_of_run(run, &[vector]).at(0, 0);
-            energy(&both.residuals[run]) - energy(&fit.residuals[run]) + beyond[run].iter().sum::<f64>()
+    /// The finalist with other sizes and what they gain on either side; `None` when they cannot be simulated or make a channel louder.
+    fn judged(&self, finalist: &Finalist, member: Member) -> Option<Finalist> {
+        let model = with_members(self.model, core::slice::from_ref(&member));
+        let stages = member.candidate.stages;
+        let gain = |side: &Side| -> Option<f64> {
+            let pairs = side.records.iter().zip(side.residuals);
+            let changed: Option<Vec<Vec<f64>>> = pairs
+                .map(|(record, base)| residuals(record, &model, stages, Some(base)))
+                .collect();
+            let kept = side.bounds.keep(side.metric, side.records, side.residuals, changed?);
+            let gram = side.metric.gram(&[slices(side.residuals), slices(&kept.residuals)]);
+            let weighed = gram.at(0, 0) - gram.at(1, 1);
+            let of = |residuals: &[Vec<f64>]| energies(side.metric, side.records, residuals);
+            let mut pairs = of(side.residuals).into_iter().zip(of(&kept.residuals));
+            let is_harmful = pairs.any(|(before, after)| {
+                let more = after - before;
+                more > LOUDER * before && more > HARM * weighed
+            });
+            (!is_harmful).then(|| weighed + sum(&beyond(self.floor, side, &kept.residuals)))
         };
-        let (train, validation): (Vec<usize>, Vec<usize>) =
-            (0..both.records.len()).partition(|run| *run < self.training_runs);
-        let member = fit.members[0].clone();
-        Finalist {
+        Some(Finalist {
             size: member.candidate.size(&member.values),
-            member,
-            gain_train: train.into_iter().map(gain).sum(),
-            gain_validation: validation.into_iter().map(gain).sum(),
-            weighed: fit.gain,
+            gain_train: gain(&self.train)?,
+            gain_validation: gain(&self.validation)?,
+            in_references: amplitude_in_references(self.floor, self.reference_metric, &model, stages).unwrap_or(0.0),
             is_unshown: false,
+            joint: Vec::new(),
+            member,
             ..finalist.clone()
-        }
-    }
-
-    /// Makes a channel louder than its gain is worth.
-    fn is_harmful(&self, fit: &Fit) -> bool {
-        let both = &self.both;
-        let of = |residuals: &[Vec<f64>]| energies(both.metric, both.records, residuals);
-        let pairs = of(both.residuals).into_iter().zip(of(&fit.residuals));
-        let mut louder = pairs.map(|(before, after)| (after - before, before));
-        louder.any(|(more, before)| more > LOUDER * before && more > HARM * fit.gain)
+        })
     }
 }

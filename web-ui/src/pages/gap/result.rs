@@ -184,7 +184,7 @@ fn one_effect(ui: &mut Ui, effect: &Effect, largest: f64, palette: &Palette) {
     }
     plots::evidence(ui, effect, largest, palette);
     if effect.status == "ambiguous" && effect.alternatives.is_empty() {
-        let text = "Not proven. Why is told under \u{201c}How it was found\u{201d}.";
+        let text = "Not proven yet. Another run can tell.";
         ui.add(Label::new(RichText::new(text).color(palette.warning)).wrap());
     }
     if !effect.alternatives.is_empty() {
