@@ -159,7 +159,8 @@ fn verdict(case: &Case) -> Verdict {
     } else if case.floor.references.is_empty() {
         all.after > all.limit || louder(&levels.after).is_some()
     } else {
-        all.before > all.limit || louder(&levels.before).is_some() || unchecked(case).is_some()
+        let is_open = unchecked(case).is_some() || case.withdrawn.is_some();
+        is_open || all.before > all.limit || louder(&levels.before).is_some()
     };
     let naming: Vec<&Taken> = case.taken.iter().filter(|taken| !taken.tiny).collect();
     if naming.is_empty() {

@@ -123,7 +123,9 @@ impl Taken {
     /// What speaks against believing it, for the report.
     fn doubts(&self) -> Vec<String> {
         let name = self.finalist.member.candidate.entry.name;
-        let uneven = self.uneven().map(|spread| {
+        // That both sides do not agree on its size is doubt enough.
+        let is_reconciled = self.suspected.is_some() && !self.finalist.is_unshown;
+        let uneven = self.uneven().filter(|_| !is_reconciled).map(|spread| {
             format!(
                 "{name}: the size that explains most differs from stretch to stretch by {spread:.1} times itself, so a law of another kind may be behind it"
             )
