@@ -4,15 +4,14 @@ mod plant;
 mod threads;
 
 use identify::channel::Channel;
-use identify::diagnose::{Input, Run, diagnose};
+use identify::diagnose::{Run, diagnose};
 use identify::record::Record;
 use identify::report::schema::NamedEffect;
 use identify::report::{Report, Verdict};
 use identify::select::{Role, roles};
-use plant::{Change, background, robot, run, with_effect};
+use plant::{Change, healthy, input, robot, run, with_effect};
 use threads::Threads;
 use twin::effect::library::LIBRARY;
-use twin::robot::RobotDescription;
 
 const SECONDS: usize = 20;
 const LIMIT_M_PER_S2: f64 = 4.0;
@@ -28,20 +27,8 @@ fn difference(a: &Run, b: &Run) -> f64 {
     pairs.fold(0.0, |most, (a, b)| (a - b).abs().max(most))
 }
 
-fn healthy(description: &RobotDescription) -> Change {
-    let driven = description.wheels.iter().filter(|wheel| wheel.driven).count();
-    background(5, description.wheels.len(), driven)
-}
-
 fn found(references: Vec<Run>, runs: Vec<Run>) -> Report {
-    let input = Input {
-        references,
-        runs,
-        locked: Vec::new(),
-        model: None,
-        seed: 1,
-    };
-    let found = diagnose(&Threads(2), &input).unwrap_or_else(|error| panic!("{error}"));
+    let found = diagnose(&Threads(2), &input(references, runs)).unwrap_or_else(|error| panic!("{error}"));
     found.report
 }
 

@@ -5,10 +5,10 @@ mod threads;
 
 use emulator::noise::Noise;
 use identify::channel::Channel;
-use identify::diagnose::{Diagnosis, Input, Run, diagnose};
+use identify::diagnose::{Diagnosis, Run, diagnose};
 use identify::report::{Report, Verdict};
 use plant::replayed::of_the_twin;
-use plant::{Change, background, robot, run, with_effect};
+use plant::{Change, input, robot, run, with_effect};
 use threads::Threads;
 
 const CHASSIS: &str = "diff2";
@@ -17,9 +17,7 @@ const REFERENCES: u64 = 4;
 const RUNS: u64 = 6;
 
 fn healthy() -> Change {
-    let description = robot(CHASSIS);
-    let driven = description.wheels.iter().filter(|wheel| wheel.driven).count();
-    background(5, description.wheels.len(), driven)
+    plant::healthy(&robot(CHASSIS))
 }
 
 fn runs(name: &str, change: &Change, first_seed: u64, count: u64, reference: bool) -> Vec<Run> {
@@ -39,14 +37,7 @@ fn runs(name: &str, change: &Change, first_seed: u64, count: u64, reference: boo
 }
 
 fn found(references: Vec<Run>, runs: Vec<Run>) -> Diagnosis {
-    let input = Input {
-        references,
-        runs,
-        locked: Vec::new(),
-        model: None,
-        seed: 1,
-    };
-    let found = diagnose(&Threads(2), &input).unwrap_or_else(|error| panic!("{error}"));
+    let found = diagnose(&Threads(2), &input(references, runs)).unwrap_or_else(|error| panic!("{error}"));
     let names: Vec<_> = found
         .report
         .effects

@@ -5,7 +5,7 @@ mod threads;
 
 use identify::diagnose::{Input, Run, diagnose};
 use identify::report::{Report, Verdict};
-use plant::{Change, background, robot, run, with_effect};
+use plant::{Change, robot, run, with_effect};
 use threads::Threads;
 
 const SECONDS: usize = 20;
@@ -13,9 +13,7 @@ const REFERENCES: u64 = 4;
 const RUNS: u64 = 6;
 
 fn healthy(chassis: &str) -> Change {
-    let description = robot(chassis);
-    let driven = description.wheels.iter().filter(|wheel| wheel.driven).count();
-    background(5, description.wheels.len(), driven)
+    plant::healthy(&robot(chassis))
 }
 
 /// The same on a floor of a little less friction.

@@ -1,6 +1,6 @@
 //! What the references have of an effect is no difference to them: it goes into the floor's model.
 
-use crate::fit::{Bounds, Problem, fit, with_members};
+use crate::fit::{Bounds, Fit, Problem, fit, with_members};
 use crate::floor::{Floor, Metric};
 use crate::hypothesis::Knob;
 use crate::record::{Record, Stages, residuals};
@@ -9,6 +9,8 @@ use crate::select::{Finalist, Stop};
 /// An effect is in the references when it gains this much there, and a run this part of what it gains in the runs.
 const SEEN: f64 = 6.6;
 const BACKGROUND: f64 = 0.35;
+/// Share of its size in the runs that it has in the references at least.
+const ALIKE: f64 = 0.4;
 /// An accepted effect of which the references have less than this part is not looked for in them.
 const PERHAPS_SEEN: f64 = 0.1;
 
@@ -19,29 +21,37 @@ pub(super) fn absorb_one(floor: &mut Floor, metric: &Metric, stop: &Stop, runs: 
         None => finalist.is_background(),
     };
     let there = stop.finalists.iter().enumerate().filter(is_there);
-    let quick: Vec<&Finalist> = there
+    let quick = there
         .map(|(_, finalist)| finalist)
-        .filter(|finalist| !finalist.is_slow())
-        .collect();
-    let mut any = |found: f64| {
-        quick
-            .iter()
-            .any(|finalist| absorb(floor, metric, finalist, runs, found))
-    };
-    // What would be found in the references alone is there, however much more of it the runs have.
-    any(f64::INFINITY) || stop.accepted.is_none() && any(stop.threshold)
+        .filter(|finalist| !finalist.is_slow());
+    let mut found_alone: Option<Fit> = None;
+    for finalist in quick {
+        let Some(fit) = there_as_well(floor, metric, finalist) else {
+            continue;
+        };
+        // For as much of each as is trusted.
+        let there = fit.gain / trusted(&floor.references);
+        let here = finalist.weighed / trusted(runs);
+        if there >= BACKGROUND * here {
+            if absorb(floor, &fit) {
+                return true;
+            }
+        } else if fit.gain >= stop.threshold && found_alone.is_none() {
+            found_alone = Some(fit);
+        }
+    }
+    // What would be found in the references alone is there, however much more evidence of it the runs have.
+    let found_alone = found_alone.filter(|_| stop.accepted.is_none());
+    found_alone.is_some_and(|fit| absorb(floor, &fit))
 }
 
-/// An effect fitted to the references from where the runs have it: taken into the floor's model when it is there as well.
-///
-/// - `runs`: the training runs, which the finalist's gain is of.
-/// - `found`: gain on the references from which it is there whatever the runs have.
-fn absorb(floor: &mut Floor, metric: &Metric, finalist: &Finalist, runs: &[Record], found: f64) -> bool {
+/// An effect fitted to the references from where the runs have it, if it is there in like size.
+fn there_as_well(floor: &Floor, metric: &Metric, finalist: &Finalist) -> Option<Fit> {
     // The calibration of the references had its say on what is a knob of its own.
     let candidate = &finalist.member.candidate;
     let is_knob = |knob: &Knob| candidate.axes.iter().any(|axis| knob.is(candidate, axis.name));
     if floor.knobs.iter().any(is_knob) {
-        return false;
+        return None;
     }
     let problem = Problem {
         records: &floor.references,
@@ -51,22 +61,16 @@ fn absorb(floor: &mut Floor, metric: &Metric, finalist: &Finalist, runs: &[Recor
         residuals: &floor.residuals,
         wanted_gain: f64::NEG_INFINITY,
     };
-    let Some(fit) = fit(&problem, vec![finalist.member.clone()]) else {
-        return false;
-    };
+    let fit = fit(&problem, vec![finalist.member.clone()])?;
     let member = &fit.members[0];
     let size = member.candidate.size(&member.values);
-    let alike = if size.is_finite() {
-        size > 0.4 * finalist.size
-    } else {
-        true
-    };
-    // For as much of each as is trusted.
-    let there = fit.gain / trusted(&floor.references);
-    let here = finalist.weighed / trusted(runs);
-    if fit.gain < SEEN || (there < BACKGROUND * here && fit.gain < found) || !alike {
-        return false;
-    }
+    let is_alike = !size.is_finite() || size > ALIKE * finalist.size;
+    (fit.gain >= SEEN && is_alike).then_some(fit)
+}
+
+/// Takes an effect into the floor's model.
+fn absorb(floor: &mut Floor, fit: &Fit) -> bool {
+    let member = &fit.members[0];
     let effect = member.candidate.effect(&member.values);
     // What is left of the references counts whole, not as far as a fit believes it.
     let model = with_members(&floor.model, &fit.members);

@@ -66,7 +66,9 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
             Verified::Not(words) => {
                 let names = case.taken.iter().filter(|taken| !taken.tiny);
                 let names = names.map(|taken| taken.finalist.member.candidate.entry.name);
-                case.withdrawn = Some((names.collect(), words));
+                let names: Vec<&str> = names.collect();
+                case.withdrawn
+                    .extend(names.into_iter().map(|name| (name, words.clone())));
                 verdict = Verdict::Unexplained;
                 after = without_names(case, verdict);
                 (gap, explained) = gap_table(case, &after);
@@ -159,7 +161,7 @@ fn verdict(case: &Case) -> Verdict {
     } else if case.floor.references.is_empty() {
         all.after > all.limit || louder(&levels.after).is_some()
     } else {
-        let is_open = unchecked(case).is_some() || case.withdrawn.is_some();
+        let is_open = unchecked(case).is_some() || !case.withdrawn.is_empty();
         is_open || all.before > all.limit || louder(&levels.before).is_some()
     };
     let naming: Vec<&Taken> = case.taken.iter().filter(|taken| !taken.tiny).collect();
@@ -503,9 +505,7 @@ fn rest(case: &Case, effects: &[NamedEffect], absorbed: &[Absorbed]) -> (Vec<Rej
 }
 
 fn because(case: &Case, name: &str, gain: f64) -> String {
-    if let Some((names, words)) = &case.withdrawn
-        && names.contains(&name)
-    {
+    if let Some((_, words)) = case.withdrawn.iter().find(|(other, _)| *other == name) {
         return format!("fits best, but {words}");
     }
     // The last round knows most.

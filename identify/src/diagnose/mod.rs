@@ -182,7 +182,7 @@ struct Case<'a> {
     locked_as_sent: Vec<Record>,
     lost_sigma: f64,
     /// Names that unused runs spoke against, and what they said.
-    withdrawn: Option<(Vec<&'static str>, String)>,
+    withdrawn: Vec<(&'static str, String)>,
     remarks: Vec<String>,
 }
 
@@ -276,7 +276,7 @@ pub fn diagnose(workers: &dyn Workers, input: &Input) -> Result<Diagnosis, Diagn
         arrived: Vec::new(),
         locked_as_sent: Vec::new(),
         lost_sigma: 0.0,
-        withdrawn: None,
+        withdrawn: Vec::new(),
         remarks,
     };
     search(workers, &mut case, &stages)?;

@@ -74,24 +74,29 @@ pub(super) fn drop_doubtful(
         return Ok(false);
     }
     let is_fitted = case.fit.is_some();
-    let is_doubtful = |taken: &Taken| {
-        let is_none = taken.suspected.is_some() && (taken.tiny || !is_fitted);
-        is_none || !taken.tiny && taken.doubts().len() >= TOO_MANY
+    let why = |taken: &Taken| {
+        if taken.suspected.is_some() && (taken.tiny || !is_fitted) {
+            return Some("hardly any of it is left on all open runs together".to_owned());
+        }
+        let doubts = taken.doubts();
+        (!taken.tiny && doubts.len() >= TOO_MANY).then(|| format!("is doubted more than once: {}", doubts.join("; ")))
     };
-    let doubtful: Vec<bool> = case.taken.iter().map(is_doubtful).collect();
-    if !doubtful.contains(&true) || doubtful.len() != members.len() {
+    let doubtful: Vec<Option<String>> = case.taken.iter().map(why).collect();
+    if doubtful.iter().all(Option::is_none) || doubtful.len() != members.len() {
         return Ok(false);
     }
-    let (mut names, mut words) = (Vec::new(), Vec::new());
-    for (taken, _) in case.taken.iter().zip(&doubtful).filter(|(_, doubtful)| **doubtful) {
-        names.push(taken.finalist.member.candidate.entry.name);
-        words.extend(taken.doubts());
+    let all = core::mem::take(&mut case.taken)
+        .into_iter()
+        .zip(core::mem::take(members));
+    for ((taken, member), doubtful) in all.zip(doubtful) {
+        match doubtful {
+            Some(words) => case.withdrawn.push((taken.finalist.member.candidate.entry.name, words)),
+            None => {
+                case.taken.push(taken);
+                members.push(member);
+            }
+        }
     }
-    case.withdrawn = Some((names, format!("is doubted more than once: {}", words.join("; "))));
-    let mut keep = doubtful.iter().map(|doubtful| !doubtful);
-    members.retain(|_| keep.next().unwrap_or(true));
-    let mut keep = doubtful.iter().map(|doubtful| !doubtful);
-    case.taken.retain(|_| keep.next().unwrap_or(true));
     case.fit = None;
     renew(workers, case, members, sides)?;
     Ok(true)

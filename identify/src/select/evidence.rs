@@ -14,8 +14,8 @@ use twin::robot::RobotDescription;
 const CONSISTENT: f64 = 0.2;
 /// A channel is worse when its energy rises by this share; so much of the whole gain may be lost in one channel, since effects that are
 /// still missing may hide there.
-const WORSE: f64 = 0.1;
-const HARM: f64 = 0.25;
+pub(super) const WORSE: f64 = 0.1;
+pub(super) const HARM: f64 = 0.25;
 /// Share of the gain that runs on which an effect hardly acts may lose: real laws are off those of the library by that much.
 const HARMLESS: f64 = 0.1;
 /// Sizes beyond this many times the large one are believed at this many times the threshold.

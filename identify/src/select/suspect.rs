@@ -6,7 +6,7 @@
 //! left that it was not fitted to, and so it is never confirmed; to deny it would be wrong as well.
 
 use super::beyond::{beyond, sum};
-use super::evidence::{amplitude_in_references, own_doubt};
+use super::evidence::{HARM, WORSE, amplitude_in_references, own_doubt};
 use super::law_rest::energies;
 use super::round::{Finalist, Side, Stop, VALIDATION_GAIN, slack_of, slices};
 use crate::fit::{Member, Problem, fit, with_members};
@@ -18,9 +18,6 @@ use crate::workers::{Cancelled, Workers, gathered};
 
 /// So many of what the training runs show most are fitted to both sides.
 const MOST: usize = 4;
-/// The energy of a channel may not rise by more than this share of itself and this share of the whole gain.
-const LOUDER: f64 = 0.1;
-const HARM: f64 = 0.25;
 
 /// Both sides of the data, and what the model has.
 pub struct Question<'a> {
@@ -174,7 +171,7 @@ impl Question<'_> {
             let mut pairs = of(side.residuals).into_iter().zip(of(&kept.residuals));
             let is_harmful = pairs.any(|(before, after)| {
                 let more = after - before;
-                more > LOUDER * before && more > HARM * weighed
+                more > WORSE * before && more > HARM * weighed
             });
             (!is_harmful).then(|| weighed + sum(&beyond(self.floor, side, &kept.residuals)))
         };

@@ -9,7 +9,7 @@ use emulator::plant::body::{Body, Drive, Ground, Push};
 use emulator::plant::contents::PlantContents;
 use emulator::plant::{Pose, SUBSTEPS, Step, TICK_HZ};
 use identify::bundle::Bundle;
-use identify::diagnose::Run;
+use identify::diagnose::{Input, Run};
 use std::collections::VecDeque;
 use std::fmt::Write;
 use twin::golden::reference_robot;
@@ -81,6 +81,23 @@ pub fn background(seed: u64, wheels: usize, driven: usize) -> Change {
     change.delay_s = 0.004;
     change.latency_s = 0.002;
     change
+}
+
+/// A robot with errors of its own below what matters.
+pub fn healthy(description: &RobotDescription) -> Change {
+    let driven = description.wheels.iter().filter(|wheel| wheel.driven).count();
+    background(5, description.wheels.len(), driven)
+}
+
+/// Runs to be diagnosed beside references, none kept back by hand.
+pub fn input(references: Vec<Run>, runs: Vec<Run>) -> Input {
+    Input {
+        references,
+        runs,
+        locked: Vec::new(),
+        model: None,
+        seed: 1,
+    }
 }
 
 /// Adds a named change to a robot's own errors. Sizes as the effect library's parameters.
