@@ -235,8 +235,11 @@ fn replay_with(
         }
         out.push(ReplayRow {
             time_s: row.time_s,
-            state: history.measured(robot.sensors(), position),
+            state: *history.newest(),
         });
+        if let Some(last) = out.last_mut() {
+            history.measure(robot.sensors(), position, &mut last.state);
+        }
     }
     Ok(out)
 }

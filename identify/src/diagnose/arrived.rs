@@ -254,6 +254,7 @@ impl Question<'_> {
         let finalist = Finalist {
             position: self.case.candidates.len(),
             size: candidate.size(&values),
+            sure_size: candidate.size(&values),
             member: Member { candidate, values },
             gain_train: gains[0],
             weighed: gains[0],

@@ -248,6 +248,7 @@ impl Choice<'_> {
         Some(Finalist {
             position: self.groups[group].position,
             size: candidate.size(&values),
+            sure_size: candidate.size(&values),
             member: Member {
                 candidate: candidate.clone(),
                 values,

@@ -66,6 +66,8 @@ const HOPE: f64 = 4.0;
 const BORNE_OUT: core::ops::Range<f64> = 0.8..1.25;
 /// Lengths of steps in a row that may lead nowhere before a pattern search ends.
 const MOST_IN_VAIN: usize = 2;
+/// Standard errors to the ends of a 95 % interval.
+const SURE: f64 = 1.96;
 /// Steps after which a fit must be better than nothing.
 const PATIENCE: usize = 3;
 
@@ -384,6 +386,26 @@ impl Fit {
         let described = &self.members[member].candidate.axes[axis];
         let unit = scale(described, self.members[member].values[axis]);
         self.covariance.at(position, position).max(0.0).sqrt() * unit
+    }
+}
+
+impl Fit {
+    /// The largest size of a member in practical sizes that its axes surely have: of what they hardly say, as a load's inertia beside its mass, the
+    /// near end of the 95 % interval counts.
+    pub fn sure_size(&self, member: usize) -> f64 {
+        let Member { candidate, values } = &self.members[member];
+        let pairs = candidate.axes.iter().zip(values).enumerate();
+        let sure = pairs.map(|(a, (axis, value))| {
+            let sigma = Some(self.sigma(member, a)).filter(|sigma| sigma.is_finite());
+            let away = value - axis.neutral;
+            let nearer = (away.abs() - SURE * sigma.unwrap_or(0.0)).max(0.0);
+            if away.is_finite() {
+                axis.neutral + nearer.copysign(away)
+            } else {
+                *value
+            }
+        });
+        candidate.size(&sure.collect::<Vec<f64>>())
     }
 }
 

@@ -3,7 +3,7 @@
 use super::slopes::scale;
 use super::{LEAST_GAIN, Member, Problem, clamped, with_members};
 use crate::hypothesis::Axis;
-use crate::record::{Record, Stages, residuals};
+use crate::record::{Record, Stages, residuals_with};
 
 /// Most steps of a pattern search along an axis.
 const MOST_MOVES: usize = 4;
@@ -114,7 +114,7 @@ impl<'a> Search<'a> {
         let problem = self.problem;
         let pairs = problem.records.iter().zip(problem.residuals);
         let changed: Option<Vec<Vec<f64>>> = pairs
-            .map(|(record, base)| residuals(record, &model, self.stages, Some(base)))
+            .map(|(record, base)| residuals_with(record, &model, members.len(), self.stages, base))
             .collect();
         let kept = problem
             .bounds

@@ -146,3 +146,38 @@ fn members_without_a_run_are_those_of_the_others() {
     };
     assert!(evaluated.without(&metric, 0).is_none(), "no slopes");
 }
+
+/// Of a load whose mass is known and whose inertia hardly is, the mass says how large it is.
+#[test]
+fn a_size_is_sure_as_far_as_its_interval_says() {
+    let robot = twin::golden::reference_robot("rwd");
+    let all = crate::hypothesis::candidates(&robot, &crate::hypothesis::Excitation::default());
+    let candidate = all.into_iter().find(|candidate| candidate.entry.name == "payload");
+    let candidate = candidate.expect("a robot can carry a load");
+    let [mass, inertia] = [0, 1].map(|axis| candidate.axes[axis].practical);
+    let mut fit = Fit {
+        members: vec![Member {
+            values: vec![3.0 * mass, -20.0 * inertia],
+            candidate,
+        }],
+        gain: 100.0,
+        residuals: Vec::new(),
+        covariance: Square::zero(2),
+        free: vec![(0, 0), (0, 1)],
+        jacobian: Vec::new(),
+        simulations: 0,
+        is_given_up: false,
+    };
+    let unit = |axis: usize| scale(&fit.members[0].candidate.axes[axis], fit.members[0].values[axis]);
+    let sigmas = [0.5 * mass / unit(0), 10.0 * inertia / unit(1)];
+    let size = |fit: &Fit| fit.sure_size(0);
+    assert!((size(&fit) - 20.0).abs() < 1e-9, "both are known exactly");
+    fit.covariance.set(0, 0, sigmas[0] * sigmas[0]);
+    fit.covariance.set(1, 1, sigmas[1] * sigmas[1]);
+    assert!((size(&fit) - (3.0 - 1.96 * 0.5)).abs() < 1e-9, "{}", size(&fit));
+    fit.free.clear();
+    assert!(
+        (size(&fit) - 20.0).abs() < 1e-9,
+        "intervals are not known: the values count"
+    );
+}

@@ -99,6 +99,7 @@ pub fn knob_changes(base: &Hypothesis, knobs: &[Knob], values: &[f64], stages: &
             let step = knob.step(*value);
             Change {
                 hypothesis: knob.applied(base, step),
+                added: 0,
                 stages: *stages,
                 step,
             }

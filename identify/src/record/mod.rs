@@ -14,10 +14,11 @@ pub(crate) mod made;
 mod quantity;
 mod simulate;
 mod smooth;
+mod touch;
 
 pub use input::{Line, RollingInput, WheelLine};
 pub use quantity::{CHANNELS, CLASSES, Quantity, UNITS};
-pub use simulate::{Stages, residuals};
+pub use simulate::{Stages, residuals, residuals_with};
 pub use smooth::smoothed;
 
 use core::ops::Range;

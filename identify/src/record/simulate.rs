@@ -8,6 +8,7 @@ use twin::replay::{CommandRow, ReplayRow, replay_after};
 use twin::robot::Robot;
 
 use super::build::rolling_rows;
+use super::touch::Added;
 use super::{BEYOND_THE_LINE_M, Chain, PoseCell, Record, SamplePlace, Window};
 use crate::gap::RobotClock;
 use crate::hypothesis::Hypothesis;
@@ -45,6 +46,28 @@ const SUPPLY_LEFT: f64 = 0.5;
 
 /// Residuals of a run, in the order of [`Record::places`]; `None` when the hypothesis cannot be simulated.
 pub fn residuals(record: &Record, hypothesis: &Hypothesis, stages: Stages, base: Option<&[f64]>) -> Option<Vec<f64>> {
+    residuals_where(record, hypothesis, stages, base, |_| true)
+}
+
+/// The same with the base's residuals in the windows that the last `added` effects of the hypothesis cannot touch.
+pub fn residuals_with(
+    record: &Record,
+    hypothesis: &Hypothesis,
+    added: usize,
+    stages: Stages,
+    base: &[f64],
+) -> Option<Vec<f64>> {
+    let added = Added::last(hypothesis, added);
+    residuals_where(record, hypothesis, stages, Some(base), |window| added.may_touch(window))
+}
+
+fn residuals_where(
+    record: &Record,
+    hypothesis: &Hypothesis,
+    stages: Stages,
+    base: Option<&[f64]>,
+    is_touched: impl Fn(&Window) -> bool,
+) -> Option<Vec<f64>> {
     let mut out = Vec::with_capacity(record.len());
     let mut charged = hypothesis.clone();
     if let Some(motor) = &mut charged.description.motor {
@@ -53,12 +76,13 @@ pub fn residuals(record: &Record, hypothesis: &Hypothesis, stages: Stages, base:
     let drive = Cached::new(charged);
     let rolling = Cached::new(hypothesis.rolling(record.input.as_ref().is_some_and(|input| input.steering.is_some())));
     for window in &record.windows {
+        let is_touched = is_touched(window);
         for (chain, cached, wanted, is_rolling) in [
             (Some(&window.drive), &drive, stages.drive, false),
             (window.rolling.as_ref(), &rolling, stages.rolling, true),
         ] {
             let Some(chain) = chain else { continue };
-            if let (false, Some(base)) = (wanted, base) {
+            if let (false, Some(base)) = (wanted && is_touched, base) {
                 out.extend_from_slice(&base[out.len()..out.len() + chain.len()]);
                 continue;
             }

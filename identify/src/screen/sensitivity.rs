@@ -1,13 +1,15 @@
 //! Secant sensitivities by simulation.
 
 use crate::hypothesis::Hypothesis;
-use crate::record::{Record, Stages, residuals};
+use crate::record::{Record, Stages, residuals, residuals_with};
 use crate::workers::{Cancelled, Workers, gathered};
 
 /// A changed hypothesis whose difference from the base is a column.
 #[derive(Debug, Clone)]
 pub struct Change {
     pub hypothesis: Hypothesis,
+    /// Effects at its end that the base does not have; 0: they differ otherwise.
+    pub added: usize,
     pub stages: Stages,
     /// The difference is divided by this.
     pub step: f64,
@@ -35,7 +37,7 @@ pub fn columns(
     let flat = gathered(workers, changes.len() * runs, &|item| {
         let (change, run) = (&changes[item / runs], item % runs);
         let base = &base[run];
-        match residuals(&records[run], &change.hypothesis, change.stages, Some(base)) {
+        match residuals_with(&records[run], &change.hypothesis, change.added, change.stages, base) {
             Some(changed) => base.iter().zip(&changed).map(|(b, c)| (b - c) / change.step).collect(),
             None => vec![0.0; base.len()],
         }

@@ -7,7 +7,7 @@ use crate::fit::{Bounded, with_members};
 use crate::floor::{Floor, Metric};
 use crate::hypothesis::{Axis, Hypothesis};
 use crate::random::Random;
-use crate::record::{CHANNELS, CLASSES, Record, Stages, residuals};
+use crate::record::{CHANNELS, CLASSES, Record, Stages, residuals, residuals_with};
 use twin::robot::RobotDescription;
 
 /// Gain on validation runs over that of an effect of just this size, at least.
@@ -30,6 +30,7 @@ pub(super) fn judge(data: &Round, fitted: &Fitted, threshold: f64) -> Finalist {
     let mut finalist = Finalist {
         position: fitted.position,
         size: member.candidate.size(&member.values),
+        sure_size: fitted.fit.sure_size(0),
         gain_train: fitted.fit.gain,
         weighed: fitted.fit.gain,
         is_unshown: false,
@@ -57,14 +58,14 @@ pub(super) fn judge(data: &Round, fitted: &Fitted, threshold: f64) -> Finalist {
         with_members(&data.floor.model, &fitted.joint)
     };
     let own_stages = finalist.member.candidate.stages;
-    let stages = if fitted.joint.is_empty() {
-        own_stages
+    let (stages, added) = if fitted.joint.is_empty() {
+        (own_stages, 1)
     } else {
-        Stages::BOTH
+        (Stages::BOTH, 0)
     };
     let pairs = data.validation.records.iter().zip(data.validation.residuals);
     let changed: Option<Vec<Vec<f64>>> = pairs
-        .map(|(record, base)| residuals(record, &model, stages, Some(base)))
+        .map(|(record, base)| residuals_with(record, &model, added, stages, base))
         .collect();
     let Some(changed) = changed else {
         finalist.because = Some("cannot be simulated on the validation runs".to_owned());
@@ -293,10 +294,10 @@ pub(super) fn own_doubt(robot: &RobotDescription, finalist: &Finalist, threshold
         return Some("its best value is a motor stronger than described".to_owned());
     }
     let large = candidate.large_size(robot);
-    if is_incredible(finalist.size, large, finalist.gain_train, threshold) {
+    if is_incredible(finalist.sure_size, large, finalist.gain_train, threshold) {
         return Some(format!(
             "explains next to nothing for its size, {:.1} times what is large",
-            finalist.size / large
+            finalist.sure_size / large
         ));
     }
     let mut axes = finalist.member.candidate.axes.iter().zip(&finalist.member.values);

@@ -127,6 +127,8 @@ pub struct Finalist {
     pub worse: Option<(usize, f64)>,
     /// Size in practical sizes.
     pub size: f64,
+    /// The same as far as it is sure ([`Fit::sure_size`]).
+    pub sure_size: f64,
     pub because: Option<String>,
     /// Cosine to the accepted one, after projection.
     pub cosine: f64,
@@ -454,6 +456,7 @@ fn sensitivities(workers: &dyn Workers, data: &Round) -> Result<Vec<Vec<Vec<f64>
         for column in &candidate.columns {
             changes.push(Change {
                 hypothesis: data.model.with(candidate.effect(&column.values)),
+                added: 1,
                 stages: candidate.stages,
                 step: 1.0,
             });

@@ -9,10 +9,10 @@ use super::beyond::{beyond, sum};
 use super::evidence::{HARM, WORSE, amplitude_in_references, own_doubt};
 use super::law_rest::energies;
 use super::round::{Finalist, Side, Stop, VALIDATION_GAIN, slack_of, slices};
-use crate::fit::{Member, Problem, fit, with_members};
+use crate::fit::{Fit, Member, Problem, fit, with_members};
 use crate::floor::{Floor, Metric};
 use crate::hypothesis::{Candidate, Hypothesis, Kind};
-use crate::record::residuals;
+use crate::record::residuals_with;
 use crate::screen::{Change, columns, scores};
 use crate::workers::{Cancelled, Workers, gathered};
 
@@ -117,8 +117,7 @@ impl Question<'_> {
                 candidate: candidate.clone(),
                 values: starts[item].clone(),
             };
-            let fit = fit(&problem, vec![member])?;
-            self.judged(finalist, fit.members.into_iter().next()?)
+            self.judged(finalist, &fit(&problem, vec![member])?)
         })?;
         let is_shown = |judged: &Finalist| {
             judged.gain_train >= threshold && judged.gain_validation >= threshold && self.is_sound(judged, threshold)
@@ -140,6 +139,7 @@ impl Question<'_> {
         }
         let probe = |values: &[f64]| Change {
             hypothesis: self.model.with(candidate.effect(values)),
+            added: 1,
             stages: candidate.stages,
             step: 1.0,
         };
@@ -155,14 +155,15 @@ impl Question<'_> {
         Ok(starts.collect())
     }
 
-    /// The finalist with other sizes and what they gain on either side; `None` when they cannot be simulated or make a channel louder.
-    fn judged(&self, finalist: &Finalist, member: Member) -> Option<Finalist> {
+    /// The finalist with the sizes of a fit and what they gain on either side; `None` when they cannot be simulated or make a channel louder.
+    fn judged(&self, finalist: &Finalist, fit: &Fit) -> Option<Finalist> {
+        let member = fit.members.first()?.clone();
         let model = with_members(self.model, core::slice::from_ref(&member));
         let stages = member.candidate.stages;
         let gain = |side: &Side| -> Option<f64> {
             let pairs = side.records.iter().zip(side.residuals);
             let changed: Option<Vec<Vec<f64>>> = pairs
-                .map(|(record, base)| residuals(record, &model, stages, Some(base)))
+                .map(|(record, base)| residuals_with(record, &model, 1, stages, base))
                 .collect();
             let kept = side.bounds.keep(side.metric, side.records, side.residuals, changed?);
             let gram = side.metric.gram(&[slices(side.residuals), slices(&kept.residuals)]);
@@ -177,6 +178,7 @@ impl Question<'_> {
         };
         Some(Finalist {
             size: member.candidate.size(&member.values),
+            sure_size: fit.sure_size(0),
             gain_train: gain(&self.train)?,
             gain_validation: gain(&self.validation)?,
             in_references: amplitude_in_references(self.floor, self.reference_metric, &model, stages).unwrap_or(0.0),

@@ -359,7 +359,7 @@ impl Runtime {
             live.body_force[1] += live.mass_kg * self.memory[at + 1];
             live.body_force[2] += live.yaw_inertia_kg_m2 * self.memory[at + 2];
         }
-        self.live.freeze();
+        self.live.refreeze();
         self.step += 1;
     }
 

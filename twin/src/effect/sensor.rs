@@ -269,8 +269,24 @@ impl History {
         self.newest += 1;
     }
 
-    /// The true state at a time in physics steps; linear between two steps, the ends hold.
-    fn at(&self, position: f64) -> RobotState {
+    /// Reads the true state at a time in physics steps; linear between two steps, the ends hold.
+    fn read(&self, position: f64, out: &mut RobotState) {
+        match self.beside(position) {
+            (before, after, Some(part)) => interpolate(before, after, part, out),
+            (_, after, None) => *out = *after,
+        }
+    }
+
+    /// The pose of that state.
+    fn pose_at(&self, position: f64) -> Pose {
+        match self.beside(position) {
+            (before, after, Some(part)) => interpolated_pose(&before.pose, &after.pose, part),
+            (_, after, None) => after.pose,
+        }
+    }
+
+    /// The states before and after a time, and the part of the way from one to the other; `None`: it is the second.
+    fn beside(&self, position: f64) -> (&RobotState, &RobotState, Option<f64>) {
         let nearest = position.round();
         let position = if (position - nearest).abs() < STAMP_TOLERANCE_STEPS {
             nearest
@@ -281,18 +297,25 @@ impl History {
         let upper = position.ceil().max(oldest as f64).min(self.newest as f64);
         let index = upper as usize - oldest as usize;
         let Some(after) = self.states.get(index) else {
-            return self.states[0];
+            return (&self.states[0], &self.states[0], None);
         };
         match index.checked_sub(1).and_then(|before| self.states.get(before)) {
-            Some(before) if position < upper => interpolated(before, after, (1.0 - (upper - position)).max(0.0)),
-            _ => *after,
+            Some(before) if position < upper => (before, after, Some((1.0 - (upper - position)).max(0.0))),
+            _ => (after, after, None),
         }
     }
 
+    /// The newest true state.
+    pub(crate) fn newest(&self) -> &RobotState {
+        &self.states[self.states.len() - 1]
+    }
+
     /// What the sensors report for a time stamp, in physics steps.
-    pub(crate) fn measured(&self, stages: &[SensorStage], position: f64) -> RobotState {
+    ///
+    /// - `out`: overwritten; in place, since a state is some hundred bytes and a replay has one for every row.
+    pub(crate) fn measure(&self, stages: &[SensorStage], position: f64, out: &mut RobotState) {
         if stages.is_empty() {
-            return self.at(position);
+            return self.read(position, out);
         }
         let rate = f64::from(PHYSICS_RATE_HZ);
         let (mut board, mut seen, mut readout_s) = (position, position, 0.0);
@@ -304,26 +327,23 @@ impl History {
                 _ => {}
             }
         }
-        let mut out = self.at(board);
-        let mut pose = self.at(seen).pose;
+        self.read(board, out);
+        let mut pose = self.pose_at(seen);
         if readout_s != 0.0 {
-            pose = self.at(seen + readout_s * rate * pose.y_m / FIELD_HEIGHT_M).pose;
+            pose = self.pose_at(seen + readout_s * rate * pose.y_m / FIELD_HEIGHT_M);
         }
         out.pose = pose;
         for stage in stages {
-            stage.apply(&mut out);
+            stage.apply(out);
         }
-        out
     }
 }
 
 /// The state a part of the way from `a` to `b`; voltages are those of the step.
-fn interpolated(a: &RobotState, b: &RobotState, part: f64) -> RobotState {
+fn interpolate(a: &RobotState, b: &RobotState, part: f64, out: &mut RobotState) {
     let mix = |from: f64, to: f64| from + part * (to - from);
-    let mut out = *b;
-    out.pose.x_m = mix(a.pose.x_m, b.pose.x_m);
-    out.pose.y_m = mix(a.pose.y_m, b.pose.y_m);
-    out.pose.yaw_rad = wrapped_rad(a.pose.yaw_rad + part * wrapped_rad(b.pose.yaw_rad - a.pose.yaw_rad));
+    *out = *b;
+    out.pose = interpolated_pose(&a.pose, &b.pose, part);
     out.twist.forward_m_per_s = mix(a.twist.forward_m_per_s, b.twist.forward_m_per_s);
     out.twist.left_m_per_s = mix(a.twist.left_m_per_s, b.twist.left_m_per_s);
     out.twist.yaw_rate_rad_per_s = mix(a.twist.yaw_rate_rad_per_s, b.twist.yaw_rate_rad_per_s);
@@ -337,5 +357,12 @@ fn interpolated(a: &RobotState, b: &RobotState, part: f64) -> RobotState {
     out.accel_x_m_per_s2 = mix(a.accel_x_m_per_s2, b.accel_x_m_per_s2);
     out.accel_y_m_per_s2 = mix(a.accel_y_m_per_s2, b.accel_y_m_per_s2);
     out.steering_rad = mix(a.steering_rad, b.steering_rad);
-    out
+}
+
+fn interpolated_pose(a: &Pose, b: &Pose, part: f64) -> Pose {
+    Pose {
+        x_m: a.x_m + part * (b.x_m - a.x_m),
+        y_m: a.y_m + part * (b.y_m - a.y_m),
+        yaw_rad: wrapped_rad(a.yaw_rad + part * wrapped_rad(b.yaw_rad - a.yaw_rad)),
+    }
 }

@@ -199,6 +199,26 @@ impl Fixed {
     }
 }
 
+impl Model {
+    /// Lays out anew what effects change from step to step: friction, grip, radii, inertia and strength of the wheels.
+    #[inline(always)]
+    pub(crate) fn refreeze(&mut self) {
+        let (present, per_ohm) = (four(&self.powered), four(&self.per_ohm));
+        let radius_m = four(&self.radius_m);
+        let fixed = &mut self.fixed;
+        fixed.radius_m = radius_m;
+        fixed.radius2_m2 = radius_m * radius_m;
+        fixed.spin_inertia_kg_m2 = four(&self.spin_inertia_kg_m2);
+        fixed.present = present;
+        fixed.powered = present * fixed.torque_per_current;
+        fixed.back_torque = fixed.powered * (fixed.torque_per_current * per_ohm);
+        fixed.viscous_n_m_s = four(&self.viscous_n_m_s);
+        fixed.coulomb_n_m = four(&self.coulomb_n_m);
+        fixed.per_ohm = per_ohm;
+        fixed.friction = four(&self.friction);
+    }
+}
+
 /// Constants of one step.
 pub(super) struct Constants<'a> {
     pub(super) fixed: &'a Fixed,
