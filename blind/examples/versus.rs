@@ -1,10 +1,11 @@
 //! Two explanations of one set beside each other: gains, by run, and energies by channel of the truth and of other effects, on the calibrated model.
 //!
-//! `cargo run --release -p blind --example versus -- SEED NUMBER [NAME[@WHEEL]:PARAMETER=VALUE[,PARAMETER=VALUE]]...`: a set of one effect, as
-//! `--kind single` numbers them.
+//! `cargo run --release -p blind --example versus -- [KIND] SEED NUMBER [NAME[@WHEEL]:PARAMETER=VALUE[,PARAMETER=VALUE]]...`: a set as `--kind KIND`
+//! (`single` when absent) numbers them.
 
 use blind::kind::Kind;
 use blind::set::{Set, Wish};
+use clap::ValueEnum;
 use identify::diagnose::calibrated_floor;
 use identify::floor::knob_changes;
 use identify::hypothesis::Hypothesis;
@@ -35,10 +36,14 @@ fn effect(text: &str) -> Option<Effect> {
 }
 
 fn main() -> anyhow::Result<()> {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
-    anyhow::ensure!(arguments.len() >= 2, "SEED NUMBER [NAME[@WHEEL]:PARAMETER=VALUE]...");
+    let mut arguments: Vec<String> = std::env::args().skip(1).collect();
+    let kind = arguments.first().and_then(|first| Kind::from_str(first, true).ok());
+    if kind.is_some() {
+        arguments.remove(0);
+    }
+    anyhow::ensure!(arguments.len() >= 2, "[KIND] SEED NUMBER [NAME[@WHEEL]:PARAMETER=VALUE]...");
     let wish = Wish {
-        kind: Some(Kind::Single),
+        kind: kind.or(Some(Kind::Single)),
         ..Wish::standard()
     };
     let set = Set::new(arguments[0].parse()?, arguments[1].parse()?, &wish)?;

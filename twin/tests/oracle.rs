@@ -243,6 +243,32 @@ fn halving_the_step_through_hard_reversals_keeps_the_path() {
     }
 }
 
+/// A tread whose wheels, standing, hold at less than a millimetre a second: the stiffest that a description may have.
+#[test]
+fn halving_the_step_on_tyres_that_hardly_slip_keeps_the_path() {
+    for mut description in all() {
+        description.floor_friction = 0.3;
+        description.tread = Some(twin::tread::Tread {
+            slip_scale_m_per_s: 0.0007,
+            creep: 0.01,
+            tail: 0.3,
+            sliding: 0.9,
+        });
+        let robot = robot(description);
+        let (one, two, many) = (
+            end(&robot, 1, |s| wild(&robot, s)),
+            end(&robot, 2, |s| wild(&robot, s)),
+            end(&robot, 16, |s| wild(&robot, s)),
+        );
+        let [halved, finest] = [two, many].map(|other| one.distance_m(&other));
+        println!(
+            "{}: halving {halved:.2e} m, against 16 parts {finest:.2e} m",
+            robot.name()
+        );
+        assert!(halved < 0.02 && finest < 0.02, "{}", robot.name());
+    }
+}
+
 #[test]
 fn without_a_motor_wheels_follow_their_commands() {
     let mut description = diff2();

@@ -7,14 +7,20 @@ use crate::screen::all_residuals;
 use crate::workers::{Cancelled, Workers};
 
 /// Curves to begin from: values of the knobs of slip scale, creep, tail and sliding.
-const CURVES: [[f64; 4]; 6] = [
+const CURVES: [[f64; 4]; 7] = [
     [0.0, 2.5, 0.0, 0.0],
     [2.0, 0.0, 0.0, 0.0],
     [2.0, 2.5, 0.0, 1.0],
     [2.0, 2.5, 3.0, 1.0],
     [2.0, 2.5, 3.0, 3.0],
     [2.0, 5.0, 2.0, 1.0],
+    [4.5, 0.0, 0.0, 1.0],
 ];
+/// Friction of the floor to begin from besides the described one, practical sizes: how far tyres slide and how hard they hold are told by the same few
+/// moments, and slopes do not lead from one way to explain these to another.
+const FRICTIONS: [f64; 2] = [-2.0, 2.0];
+/// Energy on the references from which such a change of the friction is worth a start.
+const SHOWN: f64 = 25.0;
 /// Delays of commands to begin from, practical sizes.
 const DELAYS: [f64; 6] = [0.0, 0.25, 0.5, 1.0, 2.0, 4.0];
 /// Times that knobs are turned from each curve.
@@ -53,9 +59,13 @@ impl Floor {
         let mut best: Option<Likely> = None;
         let known_curve: Vec<f64> = self.tread().map(|k| known[k]).collect();
         let curves = core::iter::once(known_curve).chain(CURVES.map(Vec::from));
+        let frictions = self.frictions();
         for curve in curves {
             let held: Vec<(usize, f64)> = self.tread().zip(curve).collect();
-            best = likelier(best, self.turned(workers, &known, &held)?);
+            best = likelier(best, self.turned(workers, &known, &held, None)?);
+            for friction in &frictions {
+                best = likelier(best, self.turned(workers, &known, &held, Some(*friction))?);
+            }
         }
         // Delays are held against what they hide: a wheel that is late for ramps looks like a poor sensor, and then does not ask for its delay.
         let delay = self.knobs.iter().position(Knob::is_delay);
@@ -63,7 +73,7 @@ impl Floor {
             let curve: Vec<(usize, f64)> = self.tread().map(|k| (k, found.values[k])).collect();
             for value in DELAYS {
                 let held = [&curve[..], &[(delay, value)]].concat();
-                best = likelier(best, self.turned(workers, &known, &held)?);
+                best = likelier(best, self.turned(workers, &known, &held, None)?);
             }
         }
         if let Some(best) = best {
@@ -71,6 +81,23 @@ impl Floor {
             (self.values, self.residuals) = (best.values, best.residuals);
         }
         Ok(())
+    }
+
+    /// The knob of the floor's friction and where it may begin, as far as the references feel it.
+    fn frictions(&self) -> Vec<(usize, f64)> {
+        let Some(friction) = self.knobs.iter().position(Knob::is_friction) else {
+            return Vec::new();
+        };
+        let energy = |reference: usize| {
+            let residual = &self.residuals[reference];
+            let weighting = self.yardstick.robust_weighting(&self.references[reference], residual);
+            self.moments_with(reference, &weighting, residual)
+                .0
+                .at(friction, friction)
+        };
+        let energy: f64 = (0..self.references.len()).map(energy).sum();
+        let starts = FRICTIONS.iter().filter(|start| energy * *start * *start > SHOWN);
+        starts.map(|start| (friction, *start)).collect()
     }
 
     /// Knobs of the tread.
@@ -81,8 +108,16 @@ impl Floor {
     }
 
     /// From values, all knobs but those held turned as their slopes say.
-    fn turned(&self, workers: &dyn Workers, from: &[f64], held: &[(usize, f64)]) -> Result<Option<Likely>, Cancelled> {
-        let hold = |values: &[f64], knobs: &[Knob]| -> Vec<f64> {
+    ///
+    /// - `first`: a knob and where it is until the others have been turned once.
+    fn turned(
+        &self,
+        workers: &dyn Workers,
+        from: &[f64],
+        held: &[(usize, f64)],
+        first: Option<(usize, f64)>,
+    ) -> Result<Option<Likely>, Cancelled> {
+        let hold = |values: &[f64], knobs: &[Knob], held: &[(usize, f64)]| -> Vec<f64> {
             let mut values: Vec<f64> = values
                 .iter()
                 .zip(knobs)
@@ -91,15 +126,17 @@ impl Floor {
             held.iter().for_each(|(knob, value)| values[*knob] = *value);
             values
         };
-        let mut values = hold(from, &self.knobs);
+        let held_first: Vec<(usize, f64)> = held.iter().copied().chain(first).collect();
+        let mut values = hold(from, &self.knobs, &held_first);
         let Some(mut residuals) = self.simulated(workers, &values)? else {
             return Ok(None);
         };
         let mut best = None;
-        for _ in 0..TURNS {
+        for turn in 0..TURNS {
+            let held = if turn == 0 { &held_first[..] } else { held };
             let step = self.step(&residuals, &values, held, 0.0);
             let moved: Vec<f64> = values.iter().zip(&step).map(|(value, step)| value + step).collect();
-            values = hold(&moved, &self.knobs);
+            values = hold(&moved, &self.knobs, held);
             let Some(simulated) = self.simulated(workers, &values)? else {
                 break;
             };

@@ -133,6 +133,17 @@ impl Knob {
         )
     }
 
+    /// The floor's friction.
+    pub fn is_friction(&self) -> bool {
+        matches!(
+            self,
+            Knob::Parameter {
+                name: "floor_friction",
+                ..
+            }
+        )
+    }
+
     /// Time from command to action.
     pub fn is_delay(&self) -> bool {
         matches!(self, Knob::Parameter { name, .. } if *name == "command_delay")

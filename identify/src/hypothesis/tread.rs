@@ -19,7 +19,7 @@ const CREEP: f64 = 0.02;
 const TAIL: f64 = 0.25;
 const SLIDING: f64 = 0.05;
 /// What the twin accepts and a wheel can have.
-const SLIP_SCALES_M_PER_S: (f64, f64) = (0.002, 0.08);
+const SLIP_SCALES_M_PER_S: (f64, f64) = (0.0007, 0.08);
 const LARGEST_CREEP: f64 = 0.25;
 const LEAST_SLIDING: f64 = 0.6;
 
@@ -34,7 +34,7 @@ impl TreadKnob {
     /// Values from a nominal tread within what a wheel can have.
     pub(super) fn possible(self, value: f64) -> f64 {
         match self {
-            TreadKnob::SlipScale => value.clamp(-2.0, 3.3),
+            TreadKnob::SlipScale => value.clamp(-2.0, 4.8),
             TreadKnob::Creep => value.clamp(0.0, LARGEST_CREEP / CREEP),
             TreadKnob::Tail => value.clamp(0.0, 1.0 / TAIL),
             TreadKnob::Sliding => value.clamp(0.0, (1.0 - LEAST_SLIDING) / SLIDING),

@@ -361,7 +361,7 @@ pub(super) const FLOOR_FRICTION: Parameter = number("mu", "floor_friction", "", 
         "friction coefficient of tyre on floor",
         "give the friction coefficient of tyre on floor, usually 0.3 to 1",
     );
-pub(super) const TREAD_SLIP_SCALE: Parameter = number("s_0", "tread.slip_scale_m_per_s", "m/s", 0.002, 0.5)
+pub(super) const TREAD_SLIP_SCALE: Parameter = number("s_0", "tread.slip_scale_m_per_s", "m/s", 0.0007, 0.5)
     .absent(WhenAbsent::With("tread"))
     .practical(Relative(0.5))
     .about(
