@@ -41,7 +41,10 @@ fn main() -> anyhow::Result<()> {
     if kind.is_some() {
         arguments.remove(0);
     }
-    anyhow::ensure!(arguments.len() >= 2, "[KIND] SEED NUMBER [NAME[@WHEEL]:PARAMETER=VALUE]...");
+    anyhow::ensure!(
+        arguments.len() >= 2,
+        "[KIND] SEED NUMBER [NAME[@WHEEL]:PARAMETER=VALUE]..."
+    );
     let wish = Wish {
         kind: kind.or(Some(Kind::Single)),
         ..Wish::standard()

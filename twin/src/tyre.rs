@@ -12,12 +12,15 @@ const MOST_STEPS: u32 = 10;
 const SETTLED_M_PER_S: f64 = 1e-8;
 /// Square of the smallest scaled slip, so that tanh(q)/q needs no case.
 const TINY: f64 = 1e-30;
+/// Friction over the described one below which slip scales stay; where there is no wheel it is 0.
+const LEAST_FRICTION: f64 = 1e-2;
 /// One over the square of the slip at which half of the way from grip to sliding is gone, s^2/m^2.
 const PER_SLIDING_2: f64 = 1.0 / (0.06 * 0.06);
 
 /// Deviations from F = mu N tanh(|s| / s0) s / |s|:
 ///
-/// tread: the curve of [`Tread`], in all directions alike;
+/// tread: the curve of [`Tread`], in all directions alike; with the floor's friction its slip scales change in proportion, since what little a tyre creeps
+/// is the stiffness of its tread, whatever it rolls on (Canudas de Wit et al. 1999: F / N = s / (|s| / mu + kappa |R W| / (L s_0)));
 /// longitudinal: s_l = s_c + ratio |R W| F_l / (mu N), where s_c is the slip that the law above takes;
 /// side direction: mu replaced by its own value, F_t times side_scale.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,6 +29,8 @@ pub(crate) struct Tyre {
     /// Side friction over the floor's.
     pub(crate) side_scale: f64,
     pub(crate) tread: Tread,
+    /// The slopes at small slips are the tread's own: it is no nominal contact.
+    keeps_stiffness: bool,
 }
 
 /// Force over mu N in both directions, and its slopes over the slip, s/m.
@@ -43,22 +48,32 @@ impl Tyre {
         slip_ratio: 0.0,
         side_scale: 1.0,
         tread: Tread::NOMINAL,
+        keeps_stiffness: false,
     };
 
     pub(crate) fn of(tread: Tread) -> Tyre {
-        Tyre { tread, ..Tyre::NOMINAL }
+        Tyre {
+            tread,
+            keeps_stiffness: true,
+            ..Tyre::NOMINAL
+        }
     }
 
     /// Grip of all wheels at their slips, m/s, rolling at |R W|, m/s.
     ///
+    /// - `friction`: of the floor under the wheels over the described one.
+    ///
     /// The slopes are those at constant rolling, and d_lt is that of the force along: with a side friction of its own the
     /// two cross slopes differ by its factor.
     #[inline(never)]
-    pub(crate) fn grip(&self, along: f64x4, across: f64x4, rolling_m_per_s: f64x4) -> Grip {
+    pub(crate) fn grip(&self, along: f64x4, across: f64x4, rolling_m_per_s: f64x4, friction: f64x4) -> Grip {
         let one = f64x4::splat(1.0);
         let extra = f64x4::splat(self.slip_ratio) * rolling_m_per_s;
         let size = along.abs();
-        let scale = f64x4::splat(self.tread.slip_scale_m_per_s) + f64x4::splat(self.tread.creep) * rolling_m_per_s;
+        let mut scale = f64x4::splat(self.tread.slip_scale_m_per_s) + f64x4::splat(self.tread.creep) * rolling_m_per_s;
+        if self.keeps_stiffness {
+            scale *= friction.greater(f64x4::splat(LEAST_FRICTION));
+        }
         let curve = Curve::new(&self.tread, scale);
         let (mut law, mut short) = (Law::at(size, across, &curve), f64x4::ZERO);
         if self.slip_ratio > 0.0 {
@@ -173,8 +188,12 @@ mod tests {
     use crate::SLIP_SCALE_M_PER_S;
 
     fn grip(tyre: &Tyre, along: f64, across: f64, rolling: f64) -> [f64; 5] {
+        grip_on(tyre, along, across, rolling, 1.0)
+    }
+
+    fn grip_on(tyre: &Tyre, along: f64, across: f64, rolling: f64, friction: f64) -> [f64; 5] {
         let four = f64x4::splat;
-        let grip = tyre.grip(four(along), four(across), four(rolling));
+        let grip = tyre.grip(four(along), four(across), four(rolling), four(friction));
         [grip.along, grip.across, grip.d_ll, grip.d_lt, grip.d_tt].map(|lanes| lanes.to_array()[0])
     }
 
@@ -191,7 +210,7 @@ mod tests {
             let tyre = Tyre {
                 slip_ratio: ratio,
                 side_scale: 0.7,
-                tread: Tread::NOMINAL,
+                ..Tyre::NOMINAL
             };
             for rolling in [0.0, 0.02, 0.5, 3.0] {
                 for contact in [0.0, 1e-9, 1e-4, 0.003, 0.02, 0.1, 2.0] {
@@ -238,13 +257,31 @@ mod tests {
         assert!(expected(3.0, 0.0) < 0.87);
     }
 
+    /// Force over load, so friction times what a grip is.
+    #[test]
+    fn a_tread_creeps_as_stiffly_on_any_floor_and_slides_by_its_friction() {
+        let tyre = Tyre::of(TREAD);
+        let force = |slip: f64, friction: f64| friction * grip_on(&tyre, slip, 0.0, 0.5, friction)[0];
+        for friction in [0.3, 0.7, 1.4] {
+            assert!((force(1e-6, friction) / force(1e-6, 1.0) - 1.0).abs() < 1e-3);
+            assert!((force(3.0, friction) / force(3.0, 1.0) / friction - 1.0).abs() < 0.01);
+        }
+        let nominal = Tyre {
+            slip_ratio: 0.05,
+            ..Tyre::NOMINAL
+        };
+        assert_eq!(
+            grip_on(&nominal, 0.01, 0.0, 0.5, 0.3),
+            grip_on(&nominal, 0.01, 0.0, 0.5, 1.0)
+        );
+    }
+
     #[test]
     fn slopes_are_those_of_the_forces() {
         for (slip_ratio, tread) in [(0.06, Tread::NOMINAL), (0.0, TREAD), (0.06, TREAD)] {
             slopes_of(&Tyre {
                 slip_ratio,
-                side_scale: 1.0,
-                tread,
+                ..Tyre::of(tread)
             });
         }
     }

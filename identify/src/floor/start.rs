@@ -7,14 +7,13 @@ use crate::screen::all_residuals;
 use crate::workers::{Cancelled, Workers};
 
 /// Curves to begin from: values of the knobs of slip scale, creep, tail and sliding.
-const CURVES: [[f64; 4]; 7] = [
+const CURVES: [[f64; 4]; 6] = [
     [0.0, 2.5, 0.0, 0.0],
     [2.0, 0.0, 0.0, 0.0],
     [2.0, 2.5, 0.0, 1.0],
     [2.0, 2.5, 3.0, 1.0],
     [2.0, 2.5, 3.0, 3.0],
     [2.0, 5.0, 2.0, 1.0],
-    [4.5, 0.0, 0.0, 1.0],
 ];
 /// Friction of the floor to begin from besides the described one, practical sizes: how far tyres slide and how hard they hold are told by the same few
 /// moments, and slopes do not lead from one way to explain these to another.

@@ -37,6 +37,8 @@ pub(crate) struct Fixed {
     pub(super) per_ohm: f64x4,
     /// 0 where there is no wheel.
     pub(super) friction: f64x4,
+    /// One over the described friction.
+    pub(super) per_nominal_friction: f64x4,
     pub(super) all_down: Loads,
     /// At steering angle zero.
     pub(super) straight: Lines,
@@ -140,6 +142,7 @@ impl Fixed {
             torque_per_current: zero,
             per_ohm: zero,
             friction: zero,
+            per_nominal_friction: zero,
             all_down: loads,
             straight: Lines {
                 along: [zero; 3],
@@ -188,6 +191,7 @@ impl Fixed {
             torque_per_current,
             per_ohm,
             friction: four(&model.friction),
+            per_nominal_friction: f64x4::splat(1.0 / model.nominal_friction),
             all_down: Loads::new(&model.load.all_down),
             straight: Lines::new(
                 four(&model.x_m),

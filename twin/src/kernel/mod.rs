@@ -51,8 +51,8 @@ const OLD_MATRIX: f64 = 0.5;
 /// It follows from the state at the start of the tick, so it is no part of the state itself.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Carry {
-    /// Speeds, steering angle and contact where the last step ended.
-    ended: Option<(Speeds, f64, Shape)>,
+    /// Speeds, steering angle, friction and contact where the last step ended.
+    ended: Option<(Speeds, f64, f64x4, Shape)>,
     matrix: Matrix,
     /// Period the matrix is for, s, and the steps it may still serve.
     matrix_period_s: f64,
@@ -119,8 +119,11 @@ impl Kernel<'_> {
     #[inline(always)]
     fn first_shape<const SIDE: bool>(&self, state: &BodyState, speeds: &Speeds) -> Shape {
         match &state.carry.ended {
-            Some((ended, wheels_rad, shape))
-                if ended == speeds && *wheels_rad == self.wheels_rad && !self.model.contact_varies =>
+            Some((ended, wheels_rad, friction, shape))
+                if ended == speeds
+                    && *wheels_rad == self.wheels_rad
+                    && *friction == self.c.friction
+                    && !self.model.contact_varies =>
             {
                 *shape
             }
@@ -310,7 +313,7 @@ impl Kernel<'_> {
         [state.u, state.v, state.r] = end.twist;
         state.wheel[..LANES].copy_from_slice(&end.wheel.to_array());
         state.current[..LANES].copy_from_slice(&(self.c.present * drive.current_a).to_array());
-        state.carry.ended = Some((*end, self.wheels_rad, *shape));
+        state.carry.ended = Some((*end, self.wheels_rad, self.c.friction, *shape));
     }
 }
 

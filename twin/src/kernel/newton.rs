@@ -260,7 +260,8 @@ impl<'a> Newton<'a> {
             across[i] = -m.lateral[i] * (g.cos[i] * v - g.sin[i] * u + g.arm_across_m[i] * r);
             rolling[i] = rim.abs();
         }
-        let grip = tyre.grip(f64x4::new(along), f64x4::new(across), f64x4::new(rolling));
+        let friction = m.fixed.friction * m.fixed.per_nominal_friction;
+        let grip = tyre.grip(f64x4::new(along), f64x4::new(across), f64x4::new(rolling), friction);
         let limit_n = f64x4::splat(SLIP_SCALE_M_PER_S) * f64x4::new(self.grip);
         let mut out = Contacts {
             force_l: (limit_n * grip.along).to_array(),

@@ -102,7 +102,8 @@ impl Shape {
     #[inline(always)]
     pub(super) fn of_tyre(tyre: &Tyre, c: &Constants, speeds: &Speeds) -> Shape {
         let (along, across) = slips::<true>(c, speeds);
-        let grip = tyre.grip(along, across, (c.radius_m * speeds.wheel).abs());
+        let friction = c.friction * c.per_nominal_friction;
+        let grip = tyre.grip(along, across, (c.radius_m * speeds.wheel).abs(), friction);
         Shape {
             along: grip.along,
             across: grip.across,
