@@ -27,23 +27,23 @@ pub struct Golden {
 pub const TABLE: [Golden; 5] = [
     Golden {
         name: "omni4-alone",
-        digest: "ba589c04675629fe42f0c1e094bbb6e3",
+        digest: "455823fc73f8501e50bfdfba9f4a00be",
     },
     Golden {
         name: "diff2-alone",
-        digest: "0f33a7110aac6829db7f7162d89eb91a",
+        digest: "e0ec6f2510f182020a18e326f52229c3",
     },
     Golden {
         name: "awd-slippery",
-        digest: "71e4fbd5177c445aed89eae3ad45bb85",
+        digest: "0501ca3b1669c3baafa52bf29724ca24",
     },
     Golden {
         name: "head-on",
-        digest: "081945ea92b2331fdd97d406d1183e20",
+        digest: "d0e9379fc285fe0fb6eb663e5e2435dc",
     },
     Golden {
         name: "pile-up",
-        digest: "04638842398fcbc81976212e75588d19",
+        digest: "2587374ed75b56c0ec229d7df51b8e87",
     },
 ];
 
