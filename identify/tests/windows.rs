@@ -4,7 +4,7 @@ mod plant;
 
 use identify::gap::{CLOSE_ANCHOR_PERIOD_S, RobotClock, end_to_end_with};
 use identify::hypothesis::Hypothesis;
-use identify::record::{Quantity, Record, Stages, WINDOW_S, residuals};
+use identify::record::{Quantity, Record, Stages, WINDOW_S, residuals, residuals_with};
 use plant::replayed::of_the_twin_with;
 use plant::{Change, robot, run};
 use twin::effect::Effect;
@@ -140,4 +140,27 @@ fn predictions_begin_where_the_robot_is_and_not_where_it_is_seen() {
     let (without, with) = (position_m(&[]), position_m(core::slice::from_ref(&tag)));
     // A prediction that is 1 mm off beside the line is seen 13 cm off there.
     assert!(with < 0.3 * without, "m: {without} {with}");
+}
+
+/// Where no wheel came near a patch nothing is simulated, and simulating gives the same bits.
+#[test]
+fn windows_that_a_patch_cannot_touch_are_as_without_it() {
+    let description = robot("omni4");
+    let driven = run("run", &description, &Change::none(), 41, 20, false);
+    let record = Record::of("run", &driven.bundle);
+    let nominal = Hypothesis::nominal(&description);
+    let base = residuals(&record, &nominal, Stages::BOTH, None).expect("a simulation");
+    let [mut kept, mut changed] = [0, 0];
+    for (x_m, y_m) in [(-0.8, -0.6), (0.0, 0.0), (0.7, 0.5), (1.1, -0.7)] {
+        let values = [("x", x_m), ("y", y_m), ("radius", 0.2), ("scale", 0.1)];
+        let model = nominal.with(Effect::new("low_friction_patch", &values));
+        let whole = residuals(&record, &model, Stages::BOTH, None).expect("a simulation");
+        let quick = residuals_with(&record, &model, 1, Stages::BOTH, &base).expect("a simulation");
+        assert_eq!(quick, whole, "({x_m}, {y_m})");
+        for cells in record.cells_of_windows() {
+            let is_kept = quick[cells.clone()] == base[cells];
+            *(if is_kept { &mut kept } else { &mut changed }) += 1;
+        }
+    }
+    assert!(kept > 0 && changed > 0, "{kept} {changed}");
 }

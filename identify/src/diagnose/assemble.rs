@@ -8,12 +8,12 @@ use twin::model_document::ModelDocument;
 use super::arrived::{Answer, take_back};
 use super::energy::Energies;
 use super::gap_table::gap_table;
-use super::interval::{NORMAL_95, sizes};
+use super::interval::sizes;
 use super::louder::{louder, share_left};
 use super::nearest::{nearest, suspect, unchecked};
 use super::verified::{Verified, verified};
 use super::{Case, DiagnoseError, Diagnosis, LIBRARY_VERSION, Taken};
-use crate::fit::with_members;
+use crate::fit::{NORMAL_95, with_members};
 use crate::hypothesis::{Hypothesis, Knob, LOST, applies};
 use crate::record::CHANNELS;
 use crate::report::schema::{

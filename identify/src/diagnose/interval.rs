@@ -2,13 +2,11 @@
 
 use super::Case;
 use super::evenness::Evenness;
-use crate::fit::Fit;
+use crate::fit::{Fit, NORMAL_95};
 use crate::hypothesis::{Axis, LOST};
 use crate::report::schema::{ParameterValue, rounded};
 use crate::select::Finalist;
 
-/// Half width of a 95 % interval in standard deviations, before the inflation of few references.
-pub(super) const NORMAL_95: f64 = 1.96;
 /// Standard deviation of a size for the plant's other law, as a share of the change, at least; limits change by this share of themselves.
 const LAW_LEAST: f64 = 0.01;
 /// A larger rest, as a share of what is explained, is of other effects.

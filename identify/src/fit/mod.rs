@@ -66,8 +66,8 @@ const HOPE: f64 = 4.0;
 const BORNE_OUT: core::ops::Range<f64> = 0.8..1.25;
 /// Lengths of steps in a row that may lead nowhere before a pattern search ends.
 const MOST_IN_VAIN: usize = 2;
-/// Standard errors to the ends of a 95 % interval.
-const SURE: f64 = 1.96;
+/// Half width of a 95 % interval in standard deviations.
+pub const NORMAL_95: f64 = 1.96;
 /// Steps after which a fit must be better than nothing.
 const PATIENCE: usize = 3;
 
@@ -387,9 +387,7 @@ impl Fit {
         let unit = scale(described, self.members[member].values[axis]);
         self.covariance.at(position, position).max(0.0).sqrt() * unit
     }
-}
 
-impl Fit {
     /// The largest size of a member in practical sizes that its axes surely have: of what they hardly say, as a load's inertia beside its mass, the
     /// near end of the 95 % interval counts.
     pub fn sure_size(&self, member: usize) -> f64 {
@@ -398,7 +396,7 @@ impl Fit {
         let sure = pairs.map(|(a, (axis, value))| {
             let sigma = Some(self.sigma(member, a)).filter(|sigma| sigma.is_finite());
             let away = value - axis.neutral;
-            let nearer = (away.abs() - SURE * sigma.unwrap_or(0.0)).max(0.0);
+            let nearer = (away.abs() - NORMAL_95 * sigma.unwrap_or(0.0)).max(0.0);
             if away.is_finite() {
                 axis.neutral + nearer.copysign(away)
             } else {

@@ -124,11 +124,7 @@ impl<'a> Search<'a> {
 
     /// A patch that all wheels were on, but for a rest of the time.
     pub(super) fn is_the_whole_floor(&self, members: &[Member]) -> bool {
-        let wheels = &self.problem.base.description.wheels;
-        let reach_m = wheels
-            .iter()
-            .map(|wheel| libm::hypot(wheel.x_m, wheel.y_m))
-            .fold(0.0, f64::max);
+        let reach_m = self.problem.base.reach_m();
         let is_inside = |member: &Member| {
             let [x_m, y_m, radius_m, ..] = &member.values[..] else {
                 return false;

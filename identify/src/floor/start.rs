@@ -87,12 +87,13 @@ impl Floor {
         let Some(friction) = self.knobs.iter().position(Knob::is_friction) else {
             return Vec::new();
         };
-        let energy = |reference: usize| {
-            let residual = &self.residuals[reference];
-            let weighting = self.yardstick.robust_weighting(&self.references[reference], residual);
-            self.moments_with(reference, &weighting, residual)
-                .0
-                .at(friction, friction)
+        let energy = |reference: usize| -> f64 {
+            let weighting = self
+                .yardstick
+                .robust_weighting(&self.references[reference], &self.residuals[reference]);
+            let column = weighting.turned(&self.sensitivities[friction][reference]);
+            let pairs = weighting.weights.iter().zip(&column);
+            pairs.map(|(weight, value)| weight * value * value).sum()
         };
         let energy: f64 = (0..self.references.len()).map(energy).sum();
         let starts = FRICTIONS.iter().filter(|start| energy * *start * *start > SHOWN);

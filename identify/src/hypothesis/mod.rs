@@ -34,6 +34,14 @@ impl Hypothesis {
         }
     }
 
+    /// From the body's origin to the wheel that is farthest from it, m.
+    pub fn reach_m(&self) -> f64 {
+        let wheels = self.description.wheels.iter();
+        wheels
+            .map(|wheel| libm::hypot(wheel.x_m, wheel.y_m))
+            .fold(0.0, f64::max)
+    }
+
     /// The same with one more effect.
     pub fn with(&self, effect: Effect) -> Hypothesis {
         let mut more = self.clone();

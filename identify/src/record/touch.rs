@@ -11,19 +11,16 @@ const ASIDE_M: f64 = 0.1;
 #[derive(Debug, Clone, Copy)]
 pub struct Added<'a> {
     effects: &'a [Effect],
-    /// From the body's origin to the wheel that is farthest from it, m.
+    /// [`Hypothesis::reach_m`]
     reach_m: f64,
 }
 
 impl<'a> Added<'a> {
     /// The last `count` effects of a model.
     pub fn last(model: &'a Hypothesis, count: usize) -> Added<'a> {
-        let wheels = model.description.wheels.iter();
         Added {
             effects: &model.effects[model.effects.len() - count..],
-            reach_m: wheels
-                .map(|wheel| libm::hypot(wheel.x_m, wheel.y_m))
-                .fold(0.0, f64::max),
+            reach_m: model.reach_m(),
         }
     }
 
