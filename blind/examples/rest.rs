@@ -1,7 +1,8 @@
 //! What is left of a set once its true effect is in the model: the windows of runs and references that are loudest by the references' noise, and
 //! on which channels.
 //!
-//! `cargo run --release -p blind --example rest -- [KIND] SEED NUMBER...`: sets of one effect, as `--kind KIND` (`single` when absent) numbers them.
+//! `cargo run --release -p blind --example rest -- [KIND] SEED NUMBER...`: sets as `--kind KIND` (`single` when absent) numbers them. Where nothing is hidden that
+//! the library has, under the calibration alone.
 
 use blind::kind::Kind;
 use blind::set::{Set, Wish};
@@ -141,11 +142,14 @@ fn main() -> anyhow::Result<()> {
     for number in arguments.iter().skip(1) {
         let set = Set::new(seed, number.parse()?, &wish)?;
         let driven = set.driven(0)?;
-        let Some(known) = driven.known.first() else { continue };
-        println!(
-            "{number} {} {} {:?}",
-            set.chassis, known.drawn.name, known.best.parameters
-        );
+        let known = driven.known.first();
+        match known {
+            Some(known) => println!(
+                "{number} {} {} {:?}",
+                set.chassis, known.drawn.name, known.best.parameters
+            ),
+            None => println!("{number} {}, nothing that the library has", set.chassis),
+        }
         let floor = calibrated_floor(&Serial, &driven.references, None)?;
         println!("  references, calibrated");
         show(&floor, &floor.references, &floor.model);
@@ -155,7 +159,8 @@ fn main() -> anyhow::Result<()> {
             .map(|run| Record::of(&run.path, &run.bundle))
             .collect();
         println!("  runs, with the truth in the model");
-        show(&floor, &records, &floor.model.with(known.best.effect()));
+        let truth = known.map_or_else(|| floor.model.clone(), |known| floor.model.with(known.best.effect()));
+        show(&floor, &records, &truth);
     }
     Ok(())
 }

@@ -289,6 +289,7 @@ impl Question<'_> {
                 excluded: Vec::new(),
                 threshold: self.threshold,
                 evenness: None,
+                but_best: None,
                 may_be_none: false,
                 suspected: None,
             },

@@ -187,6 +187,7 @@ impl Choice<'_> {
                 threshold: CONTRADICTED,
                 tiny: false,
                 evenness: None,
+                but_best: None,
                 may_be_none: false,
                 suspected: None,
             });

@@ -8,7 +8,7 @@ use crate::fit::{Member, Problem, fit, with_members};
 use crate::hypothesis::LOST;
 use crate::record::{Record, Stages};
 use crate::screen::all_residuals;
-use crate::select::{Role, difference};
+use crate::select::{Role, difference, window_energies};
 use crate::workers::Workers;
 
 /// The final numbers on training and validation runs together.
@@ -62,6 +62,7 @@ pub(super) fn finish(
             taken.evenness = without.and_then(|without| {
                 let without = both.bounds.keep(&both.metric, &both.records, &both.residuals, without);
                 let changes = difference(&without.residuals, &fit.residuals);
+                taken.but_best = Some(gain_but_best(&both, &without.residuals, &fit.residuals));
                 evenness(&both.metric, &both.records, &changes, &fit.residuals)
             });
         }
@@ -78,6 +79,8 @@ pub(super) fn finish(
             .collect();
         for (taken, nothing) in case.taken.iter_mut().zip(nothing) {
             taken.may_be_none = nothing;
+            // What is below its practical size, and by its interval may be none, is calibration.
+            taken.tiny |= nothing && taken.finalist.size < 1.0;
         }
         let after = with_members(&case.floor.model, &fit.members);
         let records: Vec<&Record> = both.records.iter().collect();
@@ -87,4 +90,32 @@ pub(super) fn finish(
         }
     }
     Ok(())
+}
+
+/// Gain on all runs but for the window that gains most.
+fn gain_but_best(both: &Prepared, before: &[Vec<f64>], after: &[Vec<f64>]) -> f64 {
+    let gains = both.records.iter().enumerate().flat_map(|(run, record)| {
+        let of = |residuals: &[Vec<f64>]| window_energies(&both.metric, run, record, &residuals[run]);
+        let pairs = of(before).into_iter().zip(of(after));
+        pairs.map(|(before, after)| before - after).collect::<Vec<f64>>()
+    });
+    but_best(gains)
+}
+
+/// Sum but for the largest; one that is not positive stays.
+fn but_best(gains: impl Iterator<Item = f64>) -> f64 {
+    let (sum, most) = gains.fold((0.0, 0.0_f64), |(sum, most), gain| (sum + gain, most.max(gain)));
+    sum - most
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_window_that_gains_most_is_left_out() {
+        assert_eq!(but_best([5.0, 80.0, -2.0].into_iter()), 3.0);
+        assert_eq!(but_best([-5.0, -2.0].into_iter()), -7.0);
+        assert_eq!(but_best(core::iter::empty()), 0.0);
+    }
 }

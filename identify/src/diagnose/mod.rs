@@ -17,6 +17,7 @@ mod louder;
 mod loudness;
 mod nearest;
 mod next;
+mod opening;
 mod prepared;
 mod suspected;
 mod usable;
@@ -48,7 +49,8 @@ use energy::Energies;
 use evenness::Evenness;
 use final_fit::finish;
 use louder::Compared;
-use prepared::{Prepared, Whole, enough, prepare};
+use opening::{ALIKE, Opening, otherwise_calibrated};
+use prepared::{Prepared, Whole, enough};
 use suspected::{drop_doubtful, take_suspect};
 use usable::{check, usable};
 use validation_gap::{adds_nothing, prefer};
@@ -103,6 +105,8 @@ struct Taken {
     tiny: bool,
     /// How far its size differs from window to window; unknown when few windows tell it.
     evenness: Option<Evenness>,
+    /// What it gains on all open runs but for the window that gains most; unknown until they are fitted.
+    but_best: Option<f64>,
     /// The intervals of all its sizes reach to no effect.
     may_be_none: bool,
     /// Nothing passed, and this is what is suspected: why it did not pass.
@@ -135,7 +139,9 @@ impl Taken {
                 "{name}: the runs kept for checking hardly show it, so it was checked on the training runs in turn; not confirmed without new runs that show it"
             )
         });
-        let nothing = (self.may_be_none && self.finalist.gain() < SURELY * self.threshold).then(|| {
+        // The exemption is of what passed.
+        let is_sure = self.suspected.is_none() && self.finalist.gain() >= SURELY * self.threshold;
+        let nothing = (self.may_be_none && !is_sure).then(|| {
             format!(
                 "{name}: by the interval of its size there may be none of it, although it explains what chance does not"
             )
@@ -181,6 +187,8 @@ struct Case<'a> {
     arrived: Vec<(String, Bundle)>,
     locked_as_sent: Vec<Record>,
     lost_sigma: f64,
+    /// The references were calibrated anew where an effect pointed.
+    has_begun_again: bool,
     /// Names that unused runs spoke against, and what they said.
     withdrawn: Vec<(&'static str, String)>,
     remarks: Vec<String>,
@@ -276,9 +284,11 @@ pub fn diagnose(workers: &dyn Workers, input: &Input) -> Result<Diagnosis, Diagn
         arrived: Vec::new(),
         locked_as_sent: Vec::new(),
         lost_sigma: 0.0,
+        has_begun_again: false,
         withdrawn: Vec::new(),
         remarks,
     };
+    case.locked.extend(case.of_role(Role::Locked));
     search(workers, &mut case, &stages)?;
     workers.progress("report", 0.95);
     assemble::assemble(workers, &mut case)
@@ -316,24 +326,12 @@ fn knob_stages(knob: &Knob, candidates: &[Candidate]) -> Stages {
 }
 
 fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(), DiagnoseError> {
-    let of_role = |case: &Case, role: Role| -> Vec<Record> {
-        let pairs = case.records.iter().zip(&case.roles);
-        pairs
-            .filter(|(_, r)| **r == role)
-            .map(|(record, _)| record.clone())
-            .collect()
-    };
-    workers.progress("sensitivities", 0.15);
-    let mut train = prepare(workers, &case.floor, of_role(case, Role::Train), stages)?;
-    let mut validation = prepare(workers, &case.floor, of_role(case, Role::Validation), stages)?;
-    hear(&mut case.floor, &mut train, &mut validation);
-    let mut coarse = train.thinned(&case.floor);
-    let locked = of_role(case, Role::Locked);
-    case.locked.extend(locked);
-    let mut reference_metric = reference_metric(&case.floor);
-    case.located = locate(&case.floor, &train.records, &train.residuals);
-    levels(case, reference_metric.as_ref(), &train, &validation);
-    add_places(&mut case.candidates, &case.located);
+    let Opening {
+        mut train,
+        mut validation,
+        mut coarse,
+        mut reference_metric,
+    } = Opening::of(workers, case, stages)?;
     let mut members: Vec<Member> = Vec::new();
     let mut kept = Sensitivities::default();
     let mut explained = Explained::default();
@@ -444,6 +442,24 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
             kept.outdate();
             continue;
         };
+        let about = (&stop.finalists[accepted], stop.threshold);
+        if let Some(floor) = otherwise_calibrated(workers, case, &stages, &train.records, about)? {
+            if case.has_begun_again {
+                stop.finalists[accepted].because = Some(ALIKE.to_owned());
+                kept.refuse(&stop);
+                case.last = Some(stop);
+                continue;
+            }
+            case.begin_again(floor);
+            Opening {
+                train,
+                validation,
+                coarse,
+                reference_metric,
+            } = Opening::of(workers, case, &stages)?;
+            (members, kept, explained) = Default::default();
+            continue;
+        }
         let before = (members.clone(), case.taken.clone());
         case.taken.push(taken(&stop, accepted));
         let finalist = &stop.finalists[accepted];
@@ -511,6 +527,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
     take_suspect(
         workers,
         case,
+        &stages,
         reference_metric.as_ref(),
         &mut members,
         [&mut train, &mut validation],
@@ -533,24 +550,6 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
     }
 }
 
-/// Where the gap is on the floor, as places of a patch.
-fn add_places(candidates: &mut [Candidate], located: &Located) {
-    let Some(patch) = candidates
-        .iter_mut()
-        .find(|candidate| candidate.entry.name == "low_friction_patch")
-    else {
-        return;
-    };
-    for (x_m, y_m) in located.loud_places() {
-        for radius_m in [0.3, 0.5] {
-            patch.columns.push(crate::hypothesis::Column {
-                values: vec![x_m, y_m, radius_m, 0.4],
-                axis: 0,
-            });
-        }
-    }
-}
-
 fn taken(stop: &Stop, accepted: usize) -> Taken {
     let finalist = stop.finalists[accepted].clone();
     let alternatives: Vec<Finalist> = stop.alternatives.iter().map(|a| stop.finalists[*a].clone()).collect();
@@ -568,6 +567,7 @@ fn taken(stop: &Stop, accepted: usize) -> Taken {
         excluded,
         threshold: stop.threshold,
         evenness: None,
+        but_best: None,
         may_be_none: false,
         suspected: None,
     }

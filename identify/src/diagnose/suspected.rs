@@ -1,9 +1,11 @@
 //! When nothing could be named: what is suspected goes into the model as an effect that is not confirmed. And what is doubted twice goes out of it.
 
+use super::opening::{ALIKE, otherwise_calibrated};
 use super::prepared::Prepared;
-use super::{Case, TINY, Taken, hear};
+use super::{Case, DiagnoseError, TINY, Taken, hear};
 use crate::fit::{Member, with_members};
 use crate::floor::Metric;
+use crate::record::Stages;
 use crate::select::{Question, Suspect};
 use crate::workers::{Cancelled, Workers};
 
@@ -14,10 +16,11 @@ const TOO_MANY: usize = 2;
 pub(super) fn take_suspect(
     workers: &dyn Workers,
     case: &mut Case,
+    stages: &[Stages],
     reference_metric: Option<&Metric>,
     members: &mut Vec<Member>,
     [train, validation]: [&mut Prepared; 2],
-) -> Result<(), Cancelled> {
+) -> Result<(), DiagnoseError> {
     let is_open = case.taken.iter().all(|taken| taken.tiny) && case.arrived.is_empty();
     let Some(stop) = case.last.as_ref().filter(|_| is_open) else {
         return Ok(());
@@ -45,6 +48,12 @@ pub(super) fn take_suspect(
         alternatives,
         because,
     } = suspect;
+    let about = (&finalist, stop.threshold);
+    if otherwise_calibrated(workers, case, stages, &all.records, about)?.is_some() {
+        let name = finalist.member.candidate.entry.name;
+        case.withdrawn.push((name, ALIKE.to_owned()));
+        return Ok(());
+    }
     let is_listed =
         |position: usize| position == finalist.position || alternatives.iter().any(|other| other.position == position);
     let excluded = stop.finalists.iter().filter(|other| !is_listed(other.position));
@@ -53,6 +62,7 @@ pub(super) fn take_suspect(
         threshold: stop.threshold,
         tiny: false,
         evenness: None,
+        but_best: None,
         may_be_none: false,
         suspected: Some(because),
         finalist,
@@ -60,7 +70,7 @@ pub(super) fn take_suspect(
     };
     members.push(taken.finalist.member.clone());
     case.taken.push(taken);
-    renew(workers, case, members, [train, validation])
+    Ok(renew(workers, case, members, [train, validation])?)
 }
 
 /// Takes out of the model what is doubted twice, and what is suspected and has no size after all. Whether there was any.
@@ -73,10 +83,15 @@ pub(super) fn drop_doubtful(
     if case.floor.references.is_empty() || !case.arrived.is_empty() {
         return Ok(false);
     }
-    let is_fitted = case.fit.is_some();
+    let (is_fitted, inflation) = (case.fit.is_some(), case.floor.inflation());
     let why = |taken: &Taken| {
         if taken.suspected.is_some() && (taken.tiny || !is_fitted) {
             return Some("hardly any of it is left on all open runs together".to_owned());
+        }
+        // On healthy robots a wheel that slides for a moment as no law has it passes a threshold by itself: all other windows have to say what chance does not.
+        let is_once = taken.but_best.is_some_and(|gain| gain < taken.threshold / inflation);
+        if is_once && !taken.tiny {
+            return Some("one stretch of two seconds alone speaks for it".to_owned());
         }
         let doubts = taken.doubts();
         (!taken.tiny && doubts.len() >= TOO_MANY).then(|| format!("is doubted more than once: {}", doubts.join("; ")))

@@ -37,7 +37,7 @@ fn share_beyond(noise: &ClassNoise, records: &[Record], is_meant: impl Fn(Quanti
 }
 
 /// What harsh moments show of a robot and its floor.
-fn is_shown_in_harsh_moments(knob: &Knob) -> bool {
+pub(super) fn is_shown_in_harsh_moments(knob: &Knob) -> bool {
     match knob {
         Knob::Tread(_) => true,
         Knob::Parameter { name, .. } => *name == "floor_friction",

@@ -9,7 +9,7 @@ use super::round::{Fitted, Round};
 use crate::record::residuals;
 
 /// Share of what an effect changes of the training runs that it changes of the validation runs, at most, for them to say nothing.
-const HARDLY: f64 = 0.1;
+pub(super) const HARDLY: f64 = 0.1;
 
 /// Whether the validation runs hardly show an effect: what it changes of a run, here and there.
 pub(super) fn is_hardly_shown(change_validation: f64, change_train: f64) -> bool {

@@ -6,7 +6,8 @@
 //! left that it was not fitted to, and so it is never confirmed; to deny it would be wrong as well.
 
 use super::beyond::{beyond, sum};
-use super::evidence::{HARM, WORSE, amplitude_in_references, own_doubt};
+use super::evidence::{HARM, WORSE, amplitude_in_references, own_doubt, window_energies};
+use super::in_turn::HARDLY;
 use super::law_rest::energies;
 use super::round::{Finalist, Side, Stop, VALIDATION_GAIN, slack_of, slices};
 use crate::fit::{Fit, Member, Problem, fit, with_members};
@@ -16,6 +17,8 @@ use crate::record::residuals_with;
 use crate::screen::{Change, columns, scores};
 use crate::workers::{Cancelled, Workers, gathered};
 
+/// A place on the floor fits whatever happens once: it has to be met by two runs.
+const PLACE: &str = "low_friction_patch";
 /// So many of what the training runs show most are fitted to both sides.
 const MOST: usize = 4;
 
@@ -59,6 +62,7 @@ impl Question<'_> {
             } else {
                 found.extend(self.reconciled(workers, finalist, stop.threshold)?);
             }
+            found.retain(|finalist| finalist.member.candidate.entry.name != PLACE || self.is_met_again(finalist));
         }
         // What both sides show comes before what one of them says alone, however much that is.
         let order = |a: &Finalist, b: &Finalist| {
@@ -91,6 +95,25 @@ impl Question<'_> {
     /// The validation runs say no more against it than chance may.
     fn is_unopposed(&self, finalist: &Finalist) -> bool {
         finalist.gain_validation > -VALIDATION_GAIN * self.floor.inflation()
+    }
+
+    /// Two runs or more show it, each more than a small part of what the first of them does.
+    fn is_met_again(&self, finalist: &Finalist) -> bool {
+        let model = with_members(self.model, core::slice::from_ref(&finalist.member));
+        let stages = finalist.member.candidate.stages;
+        let gains = |side: &Side| -> Vec<f64> {
+            let gain = |run: usize| {
+                let (record, base) = (&side.records[run], &side.residuals[run]);
+                let energy = |vector: &[f64]| -> f64 { window_energies(side.metric, run, record, vector).iter().sum() };
+                let changed = residuals_with(record, &model, 1, stages, base);
+                changed.map_or(0.0, |changed| energy(base) - energy(&changed))
+            };
+            (0..side.records.len()).map(gain).collect()
+        };
+        let mut gains = [gains(&self.train), gains(&self.validation)].concat();
+        gains.sort_by(|a, b| b.total_cmp(a));
+        let chance = VALIDATION_GAIN * self.floor.inflation();
+        gains.len() > 1 && gains[1] >= (HARDLY * gains[0]).max(chance)
     }
 
     /// Fitted to both sides, if that explains each of them.

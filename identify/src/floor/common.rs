@@ -1,0 +1,201 @@
+//! Whether one robot explains references and runs: what seems to have changed on the floor may be a calibration that the references alone left open.
+//!
+//! How hard tyres hold, how far they slide and how slippery the floor is are told by the same few moments, and references have few of them. Calibrated on these, a
+//! healthy robot may be wrong in others, which runs then show, and less friction explains them. So the tyres and the friction are fitted to references and runs
+//! together, once alike everywhere and once with the effect in the runs: an effect that is no better is the calibration's.
+
+use super::Floor;
+use super::otherwise::is_shown_in_harsh_moments;
+use crate::hypothesis::{Hypothesis, Knob, realised};
+use crate::record::{Record, Stages};
+use crate::screen::{Change, all_residuals, columns};
+use crate::workers::{Cancelled, Workers};
+use twin::effect::Effect;
+
+/// Times that slopes are taken anew from each start.
+const LINEARISATIONS: usize = 3;
+/// Steps from one linearisation.
+const STEPS: usize = 4;
+/// First damping of a step, and its factor after one that was too long.
+const DAMPING: f64 = 0.01;
+const SHORTER: f64 = 10.0;
+
+/// References and runs under one calibration of tyres and friction, the runs with an effect or without.
+struct Common {
+    /// Its references are all records, those of the runs behind `unchanged` others.
+    floor: Floor,
+    unchanged: usize,
+    effect: Option<Effect>,
+}
+
+impl Floor {
+    /// Tyres and friction with which one robot explains references and runs as well as the effect does, and the references calibrated anew with them;
+    /// `None` when the effect is better by `least`.
+    ///
+    /// - `effect`: of the runs, with its sizes.
+    /// - `scale`: of the friction, as the effect has it.
+    pub fn common(
+        &self,
+        workers: &dyn Workers,
+        stages: &[Stages],
+        runs: &[Record],
+        (effect, scale): (&Effect, f64),
+        least: f64,
+    ) -> Result<Option<Floor>, Cancelled> {
+        let friction = self.knobs.iter().position(Knob::is_friction);
+        let Some(friction) = friction.filter(|_| !self.references.is_empty()) else {
+            return Ok(None);
+        };
+        let open: Vec<usize> = (0..self.knobs.len())
+            .filter(|k| is_shown_in_harsh_moments(&self.knobs[*k]))
+            .collect();
+        let Some(k) = open.iter().position(|k| *k == friction) else {
+            return Ok(None);
+        };
+        let Knob::Parameter { practical, .. } = self.knobs[friction] else {
+            return Ok(None);
+        };
+        let here = self.values[friction];
+        let there = ((1.0 + practical * here) * scale - 1.0) / practical;
+        let mut with = Common::of(self, &open, runs, Some(effect.clone()));
+        with.fit(workers, None)?;
+        let mut alike = Common::of(self, &open, runs, None);
+        alike.fit(workers, None)?;
+        let mut moved = Common::of(self, &open, runs, None);
+        moved.fit(workers, Some((k, there)))?;
+        if moved.surprise() < alike.surprise() {
+            alike = moved;
+        }
+        if alike.surprise() > with.surprise() + least {
+            return Ok(None);
+        }
+        let mut own = self.clone();
+        own.absorbed.clear();
+        own.references = self.references.iter().map(Record::trusted).collect();
+        own.is_otherwise = true;
+        let held: Vec<(usize, f64)> = open.iter().copied().zip(alike.floor.values).collect();
+        own.hold(workers, stages, &held)?;
+        Ok(Some(own))
+    }
+}
+
+impl Common {
+    fn of(floor: &Floor, open: &[usize], runs: &[Record], effect: Option<Effect>) -> Common {
+        let mut others = floor.values.clone();
+        open.iter().for_each(|k| others[*k] = 0.0);
+        let mut given = realised(&floor.given, &floor.knobs, &others);
+        given.effects.extend(floor.absorbed.iter().cloned());
+        let of = |values: &[f64]| open.iter().map(|k| values[*k]).collect::<Vec<f64>>();
+        let mut own = Floor::stated(given, open.iter().map(|k| floor.knobs[*k].clone()).collect());
+        own.yardstick = floor.yardstick.clone();
+        own.values = of(&floor.values);
+        own.prior = open.iter().map(|k| floor.prior[*k]).collect();
+        let records = floor.references.iter().chain(runs);
+        own.references = records.map(Record::trusted).collect();
+        Common {
+            floor: own,
+            unchanged: floor.references.len(),
+            effect,
+        }
+    }
+
+    /// Of everything under the present calibration.
+    fn surprise(&self) -> f64 {
+        match self.floor.residuals.is_empty() {
+            true => f64::INFINITY,
+            false => self.floor.surprise(&self.floor.residuals, &self.floor.values),
+        }
+    }
+
+    /// With the effect, where there is one.
+    fn changed(&self, model: &Hypothesis) -> Hypothesis {
+        match &self.effect {
+            Some(effect) => model.with(effect.clone()),
+            None => model.clone(),
+        }
+    }
+
+    fn simulated(&self, workers: &dyn Workers, values: &[f64]) -> Result<Option<Vec<Vec<f64>>>, Cancelled> {
+        let model = realised(&self.floor.given, &self.floor.knobs, values);
+        let (references, runs) = self.floor.references.split_at(self.unchanged);
+        let mut all = all_residuals(workers, references, &model)?;
+        all.extend(all_residuals(workers, runs, &self.changed(&model))?);
+        Ok(all.into_iter().collect())
+    }
+
+    /// Turns the knobs as long as everything becomes likelier.
+    ///
+    /// - `first`: a knob and where it is until the others have been turned.
+    fn fit(&mut self, workers: &dyn Workers, first: Option<(usize, f64)>) -> Result<(), Cancelled> {
+        if let Some((k, value)) = first {
+            self.floor.values[k] = value;
+        }
+        let Some(residuals) = self.simulated(workers, &self.floor.values)? else {
+            return Ok(());
+        };
+        self.floor.residuals = residuals;
+        for time in 0..LINEARISATIONS {
+            let held: Vec<(usize, f64)> = first.filter(|_| time == 0).into_iter().collect();
+            self.linearise(workers)?;
+            let mut damping = DAMPING;
+            for _ in 0..STEPS {
+                damping = match self.take(workers, &held, damping)? {
+                    true => (damping / SHORTER).max(DAMPING),
+                    false => damping * SHORTER,
+                };
+            }
+        }
+        Ok(())
+    }
+
+    fn linearise(&mut self, workers: &dyn Workers) -> Result<(), Cancelled> {
+        let floor = &self.floor;
+        let steps = floor.knobs.iter().zip(&floor.values);
+        let steps: Vec<f64> = steps.map(|(knob, value)| knob.step(*value)).collect();
+        let changes: Vec<Change> = (0..floor.knobs.len())
+            .map(|k| {
+                let mut values = floor.values.clone();
+                values[k] += steps[k];
+                Change {
+                    hypothesis: realised(&floor.given, &floor.knobs, &values),
+                    added: 0,
+                    stages: Stages::BOTH,
+                    step: steps[k],
+                }
+            })
+            .collect();
+        let (references, runs) = floor.references.split_at(self.unchanged);
+        let (base, base_of_runs) = floor.residuals.split_at(self.unchanged);
+        let mut all = columns(workers, references, base, &changes)?;
+        let changes: Vec<Change> = changes
+            .into_iter()
+            .map(|change| Change {
+                hypothesis: self.changed(&change.hypothesis),
+                ..change
+            })
+            .collect();
+        let of_runs = columns(workers, runs, base_of_runs, &changes)?;
+        all.iter_mut().zip(of_runs).for_each(|(all, runs)| all.extend(runs));
+        self.floor.sensitivities = all;
+        Ok(())
+    }
+
+    /// Takes a step when it makes everything likelier; else false.
+    fn take(&mut self, workers: &dyn Workers, held: &[(usize, f64)], damping: f64) -> Result<bool, Cancelled> {
+        let floor = &self.floor;
+        let step = floor.step(&floor.residuals, &floor.values, held, damping);
+        let moved = floor.values.iter().zip(&step).map(|(value, step)| value + step);
+        let values: Vec<f64> = moved
+            .zip(&floor.knobs)
+            .map(|(value, knob)| knob.possible(value))
+            .collect();
+        let Some(residuals) = self.simulated(workers, &values)? else {
+            return Ok(false);
+        };
+        let is_likelier = self.floor.surprise(&residuals, &values) < self.surprise();
+        if is_likelier {
+            (self.floor.values, self.floor.residuals) = (values, residuals);
+        }
+        Ok(is_likelier)
+    }
+}
