@@ -39,7 +39,7 @@ use crate::record::{Record, Stages};
 use crate::report::Report;
 use crate::screen::{Score, all_residuals};
 use crate::select::{
-    Explained, Finalist, Role, Round, Sensitivities, Stop, decrease, energies, roles, round, slack_of,
+    Explained, Finalist, PLACE, Role, Round, Sensitivities, Stop, decrease, energies, roles, round, slack_of,
 };
 use crate::workers::Workers;
 use absorb::absorb_one;
@@ -139,8 +139,9 @@ impl Taken {
                 "{name}: the runs kept for checking hardly show it, so it was checked on the training runs in turn; not confirmed without new runs that show it"
             )
         });
-        // The exemption is of what passed.
-        let is_sure = self.suspected.is_none() && self.finalist.gain() >= SURELY * self.threshold;
+        // A load may differ from run to run, a place on the floor does not.
+        let is_place = self.suspected.is_some() && name == PLACE;
+        let is_sure = !is_place && self.finalist.gain() >= SURELY * self.threshold;
         let nothing = (self.may_be_none && !is_sure).then(|| {
             format!(
                 "{name}: by the interval of its size there may be none of it, although it explains what chance does not"

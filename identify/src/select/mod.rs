@@ -15,4 +15,4 @@ pub use evidence::window_energies;
 pub use law_rest::{Energies, Explained, decrease, energies, expected};
 pub use round::{Finalist, Round, Sensitivities, Side, Stop, difference, round, slack_of};
 pub use split::{Role, roles};
-pub use suspect::{Question, Suspect};
+pub use suspect::{PLACE, Question, Suspect};

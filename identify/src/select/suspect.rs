@@ -18,7 +18,7 @@ use crate::screen::{Change, columns, scores};
 use crate::workers::{Cancelled, Workers, gathered};
 
 /// A place on the floor fits whatever happens once: it has to be met by two runs.
-const PLACE: &str = "low_friction_patch";
+pub const PLACE: &str = "low_friction_patch";
 /// So many of what the training runs show most are fitted to both sides.
 const MOST: usize = 4;
 
