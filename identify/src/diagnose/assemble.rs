@@ -11,6 +11,7 @@ use super::gap_table::gap_table;
 use super::interval::sizes;
 use super::louder::{louder, share_left};
 use super::nearest::{nearest, suspect, unchecked};
+use super::opening::ALIKE;
 use super::verified::{Verified, verified};
 use super::{Case, DiagnoseError, Diagnosis, LIBRARY_VERSION, Taken};
 use crate::fit::{NORMAL_95, with_members};
@@ -161,7 +162,8 @@ fn verdict(case: &Case) -> Verdict {
     } else if case.floor.references.is_empty() {
         all.after > all.limit || louder(&levels.after).is_some()
     } else {
-        let is_open = unchecked(case).is_some() || !case.withdrawn.is_empty();
+        let is_disagreement = |pair: &(&str, String)| pair.1 != ALIKE;
+        let is_open = unchecked(case).is_some() || case.withdrawn.iter().any(is_disagreement);
         is_open || all.before > all.limit || louder(&levels.before).is_some()
     };
     let naming: Vec<&Taken> = case.taken.iter().filter(|taken| !taken.tiny).collect();

@@ -61,6 +61,7 @@ pub const LIBRARY_VERSION: &str = "1";
 const MOST_EFFECTS: usize = 6;
 /// Most effects of the references that are absorbed.
 const MOST_ABSORBED: usize = 5;
+const MOST_ROUNDS: usize = MOST_EFFECTS + MOST_ABSORBED;
 /// Changes below this part of the practical size are calibration.
 const TINY: f64 = 0.7;
 
@@ -190,6 +191,8 @@ struct Case<'a> {
     lost_sigma: f64,
     /// The references were calibrated anew where an effect pointed.
     has_begun_again: bool,
+    /// Places of a patch before those that the gap tells.
+    places_given: Option<usize>,
     /// Names that unused runs spoke against, and what they said.
     withdrawn: Vec<(&'static str, String)>,
     remarks: Vec<String>,
@@ -286,6 +289,7 @@ pub fn diagnose(workers: &dyn Workers, input: &Input) -> Result<Diagnosis, Diagn
         locked_as_sent: Vec::new(),
         lost_sigma: 0.0,
         has_begun_again: false,
+        places_given: None,
         withdrawn: Vec::new(),
         remarks,
     };
@@ -339,10 +343,10 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
     let mut stages = stages.to_vec();
     let mut is_asked_for_losses = false;
     let mut is_described = !case.floor.references.is_empty();
-    for number in 0..MOST_EFFECTS + MOST_ABSORBED {
+    for number in 0..MOST_ROUNDS {
         workers.progress(
             &format!("round {}", number + 1),
-            0.2 + 0.7 * number as f64 / (MOST_EFFECTS + MOST_ABSORBED) as f64,
+            0.2 + 0.7 * number as f64 / MOST_ROUNDS as f64,
         );
         let model = with_members(&case.floor.model, &members);
         let stop = round(
@@ -382,7 +386,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
             train.renew(workers, &case.floor, &model)?;
             validation.renew(workers, &case.floor, &model)?;
             hear(&mut case.floor, &mut train, &mut validation);
-            reference_metric = self::reference_metric(&case.floor);
+            reference_metric = opening::reference_metric(&case.floor);
             coarse = train.thinned(&case.floor);
             if members.is_empty() {
                 case.located = locate(&case.floor, &train.records, &train.residuals);
@@ -445,13 +449,15 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
         };
         let about = (&stop.finalists[accepted], stop.threshold);
         if let Some(floor) = otherwise_calibrated(workers, case, &stages, &train.records, about)? {
-            if case.has_begun_again {
-                stop.finalists[accepted].because = Some(ALIKE.to_owned());
-                kept.refuse(&stop);
+            if case.has_begun_again || number + 1 == MOST_ROUNDS {
+                let finalist = &mut stop.finalists[accepted];
+                finalist.because = Some(ALIKE.to_owned());
+                kept.leave(&[finalist.position]);
+                case.deny(&[finalist.member.candidate.entry.name]);
                 case.last = Some(stop);
                 continue;
             }
-            case.begin_again(floor);
+            case.begin_again(stop.finalists[accepted].member.candidate.entry.name, floor);
             Opening {
                 train,
                 validation,
@@ -518,7 +524,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
         train.renew(workers, &case.floor, &model)?;
         validation.renew(workers, &case.floor, &model)?;
         hear(&mut case.floor, &mut train, &mut validation);
-        reference_metric = self::reference_metric(&case.floor);
+        reference_metric = opening::reference_metric(&case.floor);
         let of = |residuals: &[Vec<f64>]| energies(&train.metric, &train.records, residuals);
         explained.gain = decrease(&of(&base), &of(&train.residuals));
         coarse = train.thinned(&case.floor);
@@ -535,7 +541,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
     )?;
     loop {
         if case.arrived.is_empty() {
-            reference_metric = self::reference_metric(&case.floor);
+            reference_metric = opening::reference_metric(&case.floor);
             case.energies.name(&train, &validation);
             case.levels.after = compared(&case.floor, reference_metric.as_ref(), &train, &validation);
         } else {
@@ -572,10 +578,6 @@ fn taken(stop: &Stop, accepted: usize) -> Taken {
         may_be_none: false,
         suspected: None,
     }
-}
-
-fn reference_metric(floor: &Floor) -> Option<Metric> {
-    (!floor.references.is_empty()).then(|| floor.metric(&floor.references, &floor.sensitivities))
 }
 
 /// Levels of the references, and of training and validation runs.

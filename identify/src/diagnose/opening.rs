@@ -1,12 +1,12 @@
 //! What a search begins with, and when it begins again.
 
-use super::prepared::{Prepared, enough, prepare};
-use super::{Case, DiagnoseError, hear, levels, reference_metric};
+use super::prepared::{Prepared, compared_s, enough, prepare};
+use super::{Case, DiagnoseError, hear, levels};
 use crate::floor::{Floor, Metric};
 use crate::hypothesis::{Candidate, Column};
 use crate::locate::{Located, locate};
 use crate::record::{Record, Stages};
-use crate::select::{Finalist, Role};
+use crate::select::{Finalist, PLACE, Role};
 use crate::workers::Workers;
 
 /// Training and validation runs under the floor's model.
@@ -28,7 +28,7 @@ impl Opening {
         let reference_metric = reference_metric(&case.floor);
         case.located = locate(&case.floor, &train.records, &train.residuals);
         levels(case, reference_metric.as_ref(), &train, &validation);
-        add_places(&mut case.candidates, &case.located);
+        add_places(&mut case.candidates, &case.located, &mut case.places_given);
         Ok(Opening {
             train,
             validation,
@@ -36,6 +36,11 @@ impl Opening {
             reference_metric,
         })
     }
+}
+
+/// Product of the references, where there are some.
+pub(super) fn reference_metric(floor: &Floor) -> Option<Metric> {
+    (!floor.references.is_empty()).then(|| floor.metric(&floor.references, &floor.sensitivities))
 }
 
 /// Why an effect is not named that one calibration does without.
@@ -52,19 +57,26 @@ pub(super) fn otherwise_calibrated(
 ) -> Result<Option<Floor>, DiagnoseError> {
     let values = &finalist.member.values;
     let friction = case.floor.model.description.floor_friction;
-    let scale = match finalist.member.candidate.entry.name {
+    let name = finalist.member.candidate.entry.name;
+    let scale = match name {
         "floor_friction" => values[0],
-        "low_friction_patch" => values[3],
+        PLACE => values[3],
         "lateral_slip" => values[0] / friction,
         _ => return Ok(None),
     };
     if case.taken.iter().any(|taken| !taken.tiny) || !case.arrived.is_empty() {
         return Ok(None);
     }
-    let runs = enough(runs.to_vec());
-    Ok(case
-        .floor
-        .common(workers, stages, &runs, (&finalist.effect(), scale), threshold)?)
+    // A place is met by few windows: none of them is left out.
+    let few = match name {
+        PLACE => runs.to_vec(),
+        _ => enough(runs.to_vec()),
+    };
+    let seconds =
+        |records: &[Record]| -> f64 { records.iter().flat_map(|record| &record.windows).map(compared_s).sum() };
+    let least = threshold * seconds(&few) / seconds(runs).max(1e-9);
+    let floor = &case.floor;
+    Ok(floor.alike(workers, stages, &few, (&finalist.effect(), scale), least)?)
 }
 
 impl Case<'_> {
@@ -75,8 +87,22 @@ impl Case<'_> {
         own.map(|(record, _)| record.clone()).collect()
     }
 
-    /// Forgets what was found under another floor.
-    pub(super) fn begin_again(&mut self, floor: Floor) {
+    /// Names that one calibration does without.
+    pub(super) fn deny(&mut self, names: &[&'static str]) {
+        self.withdrawn
+            .extend(names.iter().map(|name| (*name, ALIKE.to_owned())));
+    }
+
+    /// Forgets what was found under another floor, and says so.
+    ///
+    /// - `name`: what the other floor does without.
+    pub(super) fn begin_again(&mut self, name: &str, floor: Floor) {
+        let stale = self.floor.tyres();
+        self.remarks.retain(|remark| Some(remark) != stale.as_ref());
+        self.remarks.push(format!(
+            "{name}: {ALIKE}, which the references alone had left open; they were calibrated anew, and references that are driven like the runs would show weaker effects"
+        ));
+        self.remarks.extend(floor.tyres());
         self.floor = floor;
         self.taken.clear();
         self.first_scores.clear();
@@ -85,13 +111,13 @@ impl Case<'_> {
 }
 
 /// Where the gap is on the floor, as places of a patch.
-fn add_places(candidates: &mut [Candidate], located: &Located) {
-    let Some(patch) = candidates
-        .iter_mut()
-        .find(|candidate| candidate.entry.name == "low_friction_patch")
-    else {
+///
+/// - `given`: how many places there were without.
+fn add_places(candidates: &mut [Candidate], located: &Located, given: &mut Option<usize>) {
+    let Some(patch) = candidates.iter_mut().find(|candidate| candidate.entry.name == PLACE) else {
         return;
     };
+    patch.columns.truncate(*given.get_or_insert(patch.columns.len()));
     for (x_m, y_m) in located.loud_places() {
         for radius_m in [0.3, 0.5] {
             patch.columns.push(Column {

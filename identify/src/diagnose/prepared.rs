@@ -188,7 +188,7 @@ pub(super) fn enough(records: Vec<Record>) -> Vec<Record> {
     }
 }
 
-fn compared_s(window: &Window) -> f64 {
+pub(super) fn compared_s(window: &Window) -> f64 {
     window.to_s - window.from_s
 }
 

@@ -1,6 +1,6 @@
 //! When nothing could be named: what is suspected goes into the model as an effect that is not confirmed. And what is doubted twice goes out of it.
 
-use super::opening::{ALIKE, otherwise_calibrated};
+use super::opening::otherwise_calibrated;
 use super::prepared::Prepared;
 use super::{Case, DiagnoseError, TINY, Taken, hear};
 use crate::fit::{Member, with_members};
@@ -40,20 +40,28 @@ pub(super) fn take_suspect(
         fitted: few.as_ref().unwrap_or(&all).side(),
         least_size: TINY,
     };
-    let Some(suspect) = question.suspect(workers, stop)? else {
-        return Ok(());
+    let mut denied: Vec<&'static str> = case.withdrawn.iter().map(|pair| pair.0).collect();
+    let suspect = loop {
+        let Some(suspect) = question.suspect(workers, stop, &denied)? else {
+            break None;
+        };
+        let about = (&suspect.finalist, stop.threshold);
+        if otherwise_calibrated(workers, case, stages, &all.records, about)?.is_none() {
+            break Some(suspect);
+        }
+        denied.push(suspect.finalist.member.candidate.entry.name);
     };
-    let Suspect {
+    let known = case.withdrawn.len();
+    let excluded_by_alike = denied.split_off(known);
+    let Some(Suspect {
         finalist,
         alternatives,
         because,
-    } = suspect;
-    let about = (&finalist, stop.threshold);
-    if otherwise_calibrated(workers, case, stages, &all.records, about)?.is_some() {
-        let name = finalist.member.candidate.entry.name;
-        case.withdrawn.push((name, ALIKE.to_owned()));
+    }) = suspect
+    else {
+        case.deny(&excluded_by_alike);
         return Ok(());
-    }
+    };
     let is_listed =
         |position: usize| position == finalist.position || alternatives.iter().any(|other| other.position == position);
     let excluded = stop.finalists.iter().filter(|other| !is_listed(other.position));
@@ -68,12 +76,13 @@ pub(super) fn take_suspect(
         finalist,
         alternatives,
     };
+    case.deny(&excluded_by_alike);
     members.push(taken.finalist.member.clone());
     case.taken.push(taken);
     Ok(renew(workers, case, members, [train, validation])?)
 }
 
-/// Takes out of the model what is doubted twice, and what is suspected and has no size after all. Whether there was any.
+/// Takes out of the model what is doubted twice, what one window alone speaks for, and what is suspected and has no size after all. Whether there was any.
 pub(super) fn drop_doubtful(
     workers: &dyn Workers,
     case: &mut Case,
@@ -91,7 +100,10 @@ pub(super) fn drop_doubtful(
         // On healthy robots a wheel that slides for a moment as no law has it passes a threshold by itself: all other windows have to say what chance does not.
         let is_once = taken.but_best.is_some_and(|gain| gain < taken.threshold / inflation);
         if is_once && !taken.tiny {
-            return Some("one stretch of two seconds alone speaks for it".to_owned());
+            return Some(
+                "without the stretch of two seconds that speaks most for it, it explains no more than chance may"
+                    .to_owned(),
+            );
         }
         let doubts = taken.doubts();
         (!taken.tiny && doubts.len() >= TOO_MANY).then(|| format!("is doubted more than once: {}", doubts.join("; ")))

@@ -1,7 +1,7 @@
 //! The floor: how far twin and measurement are apart where nothing has changed.
 
+mod alike;
 mod calibrate;
-mod common;
 mod description;
 mod doubt;
 mod metric;

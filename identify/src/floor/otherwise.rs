@@ -13,7 +13,7 @@ use crate::workers::{Cancelled, Workers};
 /// Share of the runs' cells beyond the reach of the references (where a fortieth of their own are) from which runs are driven otherwise.
 const OTHERWISE: f64 = 0.08;
 /// What the floor's friction can be off by from what is described, practical sizes; more is for a name to explain.
-const BELIEVABLE: f64 = 2.0;
+pub(super) const BELIEVABLE: f64 = 2.0;
 
 /// What is known of a knob before a calibration, in practical sizes.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -44,10 +44,13 @@ pub struct Suspect {
 
 impl Question<'_> {
     /// Of what a round refused.
-    pub fn suspect(&self, workers: &dyn Workers, stop: &Stop) -> Result<Option<Suspect>, Cancelled> {
+    ///
+    /// - `denied`: names that are none.
+    pub fn suspect(&self, workers: &dyn Workers, stop: &Stop, denied: &[&str]) -> Result<Option<Suspect>, Cancelled> {
         let is_open = |finalist: &&Finalist| {
             // What the references have some of may be there in any measure: more of it is no news that goes without proof.
             finalist.gain_train >= stop.threshold
+                && !denied.contains(&finalist.member.candidate.entry.name)
                 && !self.floor.has_absorbed(finalist.member.candidate.entry.name)
                 && self.is_sound(finalist, stop.threshold)
         };
@@ -62,8 +65,8 @@ impl Question<'_> {
             } else {
                 found.extend(self.reconciled(workers, finalist, stop.threshold)?);
             }
-            found.retain(|finalist| finalist.member.candidate.entry.name != PLACE || self.is_met_again(finalist));
         }
+        found.retain(|finalist| finalist.member.candidate.entry.name != PLACE || self.is_met_again(finalist));
         // What both sides show comes before what one of them says alone, however much that is.
         let order = |a: &Finalist, b: &Finalist| {
             let by_gain = b.gain().total_cmp(&a.gain());
@@ -102,11 +105,19 @@ impl Question<'_> {
         let model = with_members(self.model, core::slice::from_ref(&finalist.member));
         let stages = finalist.member.candidate.stages;
         let gains = |side: &Side| -> Vec<f64> {
+            let pairs = side.records.iter().zip(side.residuals);
+            let changed = pairs
+                .map(|(record, base)| residuals_with(record, &model, 1, stages, base).unwrap_or_else(|| base.clone()));
+            let kept = side
+                .bounds
+                .keep(side.metric, side.records, side.residuals, changed.collect());
             let gain = |run: usize| {
-                let (record, base) = (&side.records[run], &side.residuals[run]);
-                let energy = |vector: &[f64]| -> f64 { window_energies(side.metric, run, record, vector).iter().sum() };
-                let changed = residuals_with(record, &model, 1, stages, base);
-                changed.map_or(0.0, |changed| energy(base) - energy(&changed))
+                let energy = |vector: &[f64]| -> f64 {
+                    window_energies(side.metric, run, &side.records[run], vector)
+                        .iter()
+                        .sum()
+                };
+                energy(&side.residuals[run]) - energy(&kept.residuals[run])
             };
             (0..side.records.len()).map(gain).collect()
         };

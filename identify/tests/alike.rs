@@ -52,7 +52,7 @@ fn alike(floor: &Floor, runs: &[Run], scale: f64) -> Option<f64> {
     let effect = Effect::new("floor_friction", &[("scale", scale)]);
     let records: Vec<Record> = runs.iter().map(|run| Record::of(&run.path, &run.bundle)).collect();
     let stages = vec![Stages::BOTH; floor.knobs.len()];
-    let found = floor.common(&Threads(2), &stages, &records, (&effect, scale), LEAST);
+    let found = floor.alike(&Threads(2), &stages, &records, (&effect, scale), LEAST);
     let found = found.unwrap_or_else(|error| panic!("{error}"));
     found.map(|found| found.model.description.floor_friction / robot(CHASSIS).floor_friction)
 }

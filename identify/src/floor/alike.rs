@@ -5,7 +5,7 @@
 //! together, once alike everywhere and once with the effect in the runs: an effect that is no better is the calibration's.
 
 use super::Floor;
-use super::otherwise::is_shown_in_harsh_moments;
+use super::otherwise::{BELIEVABLE, is_shown_in_harsh_moments};
 use crate::hypothesis::{Hypothesis, Knob, realised};
 use crate::record::{Record, Stages};
 use crate::screen::{Change, all_residuals, columns};
@@ -21,7 +21,8 @@ const DAMPING: f64 = 0.01;
 const SHORTER: f64 = 10.0;
 
 /// References and runs under one calibration of tyres and friction, the runs with an effect or without.
-struct Common {
+#[derive(Clone)]
+struct Together {
     /// Its references are all records, those of the runs behind `unchanged` others.
     floor: Floor,
     unchanged: usize,
@@ -29,12 +30,12 @@ struct Common {
 }
 
 impl Floor {
-    /// Tyres and friction with which one robot explains references and runs as well as the effect does, and the references calibrated anew with them;
-    /// `None` when the effect is better by `least`.
+    /// Tyres and friction with which one robot explains references and runs alike as well as the effect does, and the references calibrated anew with them;
+    /// `None` when the effect is better by `least`, or the floor would have to be further from what is described than a description can be off by.
     ///
     /// - `effect`: of the runs, with its sizes.
     /// - `scale`: of the friction, as the effect has it.
-    pub fn common(
+    pub fn alike(
         &self,
         workers: &dyn Workers,
         stages: &[Stages],
@@ -55,18 +56,23 @@ impl Floor {
         let Knob::Parameter { practical, .. } = self.knobs[friction] else {
             return Ok(None);
         };
-        let here = self.values[friction];
-        let there = ((1.0 + practical * here) * scale - 1.0) / practical;
-        let mut with = Common::of(self, &open, runs, Some(effect.clone()));
-        with.fit(workers, None)?;
-        let mut alike = Common::of(self, &open, runs, None);
+        let there = ((1.0 + practical * self.values[friction]) * scale - 1.0) / practical;
+        let mut alike = Together::of(self, &open, runs, None);
+        let mut moved = alike.clone();
         alike.fit(workers, None)?;
-        let mut moved = Common::of(self, &open, runs, None);
         moved.fit(workers, Some((k, there)))?;
         if moved.surprise() < alike.surprise() {
             alike = moved;
         }
-        if alike.surprise() > with.surprise() + least {
+        // Both ways to explain the runs begin on either calibration.
+        let mut with = Together::of(self, &open, runs, Some(effect.clone()));
+        let mut from_alike = with.clone();
+        from_alike.floor.values.clone_from(&alike.floor.values);
+        with.fit(workers, None)?;
+        from_alike.fit(workers, None)?;
+        let apart = alike.surprise() - with.surprise().min(from_alike.surprise());
+        let is_believable = alike.floor.values[k].abs() <= BELIEVABLE;
+        if !apart.is_finite() || apart > least || !is_believable {
             return Ok(None);
         }
         let mut own = self.clone();
@@ -75,16 +81,16 @@ impl Floor {
         own.is_otherwise = true;
         let held: Vec<(usize, f64)> = open.iter().copied().zip(alike.floor.values).collect();
         own.hold(workers, stages, &held)?;
-        Ok(Some(own))
+        let is_held = held.iter().all(|(k, value)| own.values[*k] == *value);
+        Ok(is_held.then_some(own))
     }
 }
 
-impl Common {
-    fn of(floor: &Floor, open: &[usize], runs: &[Record], effect: Option<Effect>) -> Common {
+impl Together {
+    fn of(floor: &Floor, open: &[usize], runs: &[Record], effect: Option<Effect>) -> Together {
         let mut others = floor.values.clone();
         open.iter().for_each(|k| others[*k] = 0.0);
-        let mut given = realised(&floor.given, &floor.knobs, &others);
-        given.effects.extend(floor.absorbed.iter().cloned());
+        let given = realised(&floor.given, &floor.knobs, &others);
         let of = |values: &[f64]| open.iter().map(|k| values[*k]).collect::<Vec<f64>>();
         let mut own = Floor::stated(given, open.iter().map(|k| floor.knobs[*k].clone()).collect());
         own.yardstick = floor.yardstick.clone();
@@ -92,7 +98,7 @@ impl Common {
         own.prior = open.iter().map(|k| floor.prior[*k]).collect();
         let records = floor.references.iter().chain(runs);
         own.references = records.map(Record::trusted).collect();
-        Common {
+        Together {
             floor: own,
             unchanged: floor.references.len(),
             effect,
