@@ -1,4 +1,4 @@
-//! What is left of a set once its true effect is in the model: the windows of runs and references that are loudest by the references' noise, and
+//! What is left of a set once its true effects are in the model: the windows of runs and references that are loudest by the references' noise, and
 //! on which channels.
 //!
 //! `cargo run --release -p blind --example rest -- [KIND] SEED NUMBER...`: sets as `--kind KIND` (`single` when absent) numbers them. Where nothing is hidden that
@@ -142,13 +142,9 @@ fn main() -> anyhow::Result<()> {
     for number in arguments.iter().skip(1) {
         let set = Set::new(seed, number.parse()?, &wish)?;
         let driven = set.driven(0)?;
-        let known = driven.known.first();
-        match known {
-            Some(known) => println!(
-                "{number} {} {} {:?}",
-                set.chassis, known.drawn.name, known.best.parameters
-            ),
-            None => println!("{number} {}, nothing that the library has", set.chassis),
+        println!("{number} {}", set.chassis);
+        for known in &driven.known {
+            println!("  hidden {} {:?}", known.drawn.name, known.best.parameters);
         }
         let floor = calibrated_floor(&Serial, &driven.references, None)?;
         println!("  references, calibrated");
@@ -158,8 +154,12 @@ fn main() -> anyhow::Result<()> {
             .iter()
             .map(|run| Record::of(&run.path, &run.bundle))
             .collect();
-        println!("  runs, with the truth in the model");
-        let truth = known.map_or_else(|| floor.model.clone(), |known| floor.model.with(known.best.effect()));
+        println!("  runs, with what is hidden in the model, as far as the library has it");
+        let base = floor.model.clone();
+        let truth = driven
+            .known
+            .iter()
+            .fold(base, |model, known| model.with(known.best.effect()));
         show(&floor, &records, &truth);
     }
     Ok(())

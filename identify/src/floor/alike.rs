@@ -188,11 +188,7 @@ impl Together {
     fn take(&mut self, workers: &dyn Workers, held: &[(usize, f64)], damping: f64) -> Result<bool, Cancelled> {
         let floor = &self.floor;
         let step = floor.step(&floor.residuals, &floor.values, held, damping);
-        let moved = floor.values.iter().zip(&step).map(|(value, step)| value + step);
-        let values: Vec<f64> = moved
-            .zip(&floor.knobs)
-            .map(|(value, knob)| knob.possible(value))
-            .collect();
+        let values = floor.after(&step);
         let Some(residuals) = self.simulated(workers, &values)? else {
             return Ok(false);
         };

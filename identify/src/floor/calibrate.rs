@@ -298,15 +298,18 @@ impl Floor {
         misfit + pairs.map(strange).sum::<f64>()
     }
 
+    /// Where the knobs are after a step, as far as they go.
+    pub(super) fn after(&self, step: &[f64]) -> Vec<f64> {
+        let moved = self.values.iter().zip(step).map(|(value, step)| value + step);
+        let pairs = moved.zip(&self.knobs);
+        pairs.map(|(value, knob)| knob.possible(value)).collect()
+    }
+
     /// Takes the step of a damping when it makes the references likelier; else false.
     fn take(&mut self, workers: &dyn Workers, held: &[(usize, f64)], damping: f64) -> Result<bool, Cancelled> {
         let before = self.surprise(&self.residuals, &self.values);
         let step = self.step(&self.residuals, &self.values, held, damping);
-        let moved = self.values.iter().zip(&step).map(|(v, s)| v + s);
-        let values: Vec<f64> = moved
-            .zip(&self.knobs)
-            .map(|(value, knob)| knob.possible(value))
-            .collect();
+        let values = self.after(&step);
         let model = realised(&self.given, &self.knobs, &values);
         let simulated: Option<Vec<Vec<f64>>> = all_residuals(workers, &self.references, &model)?.into_iter().collect();
         let Some(residuals) = simulated else { return Ok(false) };
