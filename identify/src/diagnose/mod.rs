@@ -39,7 +39,7 @@ use crate::record::{Record, Stages};
 use crate::report::Report;
 use crate::screen::{Score, all_residuals};
 use crate::select::{
-    Explained, Finalist, PLACE, Role, Round, Sensitivities, Stop, decrease, energies, roles, round, slack_of,
+    Explained, Finalist, Role, Round, Sensitivities, Stop, decrease, energies, roles, round, slack_of,
 };
 use crate::workers::Workers;
 use absorb::absorb_one;
@@ -140,9 +140,8 @@ impl Taken {
                 "{name}: the runs kept for checking hardly show it, so it was checked on the training runs in turn; not confirmed without new runs that show it"
             )
         });
-        // A load may differ from run to run, a place on the floor does not.
-        let is_place = self.suspected.is_some() && name == PLACE;
-        let is_sure = !is_place && self.finalist.gain() >= SURELY * self.threshold;
+        // Of what is only suspected no gain makes up for a size that may be none.
+        let is_sure = self.suspected.is_none() && self.finalist.gain() >= SURELY * self.threshold;
         let nothing = (self.may_be_none && !is_sure).then(|| {
             format!(
                 "{name}: by the interval of its size there may be none of it, although it explains what chance does not"
@@ -476,7 +475,10 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
             members.clone_from(&finalist.joint);
         }
         // Of long data the exact fit takes longest: what adds nothing by that of some windows is not worth it.
-        let early = coarse.as_ref().and_then(|_| adds_nothing(case, &before.0, &members));
+        let early = match coarse {
+            Some(_) => adds_nothing(workers, case, &validation, &before.0, &members)?,
+            None => None,
+        };
         if let Some(because) = early {
             (members, case.taken) = before;
             stop.finalists[accepted].because = Some(because);
@@ -511,7 +513,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
             slack_of(&case.floor),
             joint,
         )?;
-        if let Some(because) = adds_nothing(case, &before.0, &joint.members) {
+        if let Some(because) = adds_nothing(workers, case, &validation, &before.0, &joint.members)? {
             (members, case.taken) = before;
             stop.finalists[accepted].because = Some(because);
             kept.refuse(&stop);

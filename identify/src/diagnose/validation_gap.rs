@@ -3,31 +3,65 @@
 
 use super::Case;
 use super::gap_table::explained_of_validation;
+use super::prepared::Prepared;
 use crate::fit::{Member, with_members};
-use crate::select::{Finalist, Stop};
+use crate::hypothesis::Hypothesis;
+use crate::screen::all_residuals;
+use crate::select::{Finalist, Stop, energies, expected};
+use crate::workers::{Cancelled, Workers};
 
 /// So much more of the gap is explained with one more effect, at least.
 const ADDS: f64 = 0.01;
+/// Or so much of the energy beyond the noise that the others leave on the validation runs: the gap counts only channels on which much is wrong, and a first
+/// effect may be all of that. A rest of its law is spread over more than one effect takes.
+const ADDS_OF_REST: f64 = 0.5;
 /// Of names that the residuals cannot tell apart one that explains so much more of the gap is preferred, and those that explain so much less
 /// than the best are no alternatives.
 const CLEARLY_MORE: f64 = 0.1;
 const FAR_LESS: f64 = 0.25;
 
 /// Why an effect beside others is none: it leaves the gap as it is.
-pub(super) fn adds_nothing(case: &Case, before: &[Member], after: &[Member]) -> Option<String> {
+///
+/// - `validation`: under the model without it.
+pub(super) fn adds_nothing(
+    workers: &dyn Workers,
+    case: &Case,
+    validation: &Prepared,
+    before: &[Member],
+    after: &[Member],
+) -> Result<Option<String>, Cancelled> {
     if before.is_empty() {
-        return None;
+        return Ok(None);
     }
     let models = [before, after].map(|members| with_members(&case.floor.model, members));
     let explained: Option<Vec<f64>> = explained_of_validation(case, &models).into_iter().collect();
-    let [old, new] = explained?.try_into().ok()?;
-    (new < old + ADDS).then(|| {
+    let Some([old, new]) = explained.and_then(|explained| <[f64; 2]>::try_from(explained).ok()) else {
+        return Ok(None);
+    };
+    let adds = new >= old + ADDS || new >= old - ADDS && takes_the_rest(workers, validation, &models[1])?;
+    Ok((!adds).then(|| {
         format!(
             "of the gap of the validation runs {:.1} % is explained with it and {:.1} % without",
             100.0 * new,
             100.0 * old
         )
-    })
+    }))
+}
+
+/// Whether a model explains most of what the present one leaves beyond the noise.
+fn takes_the_rest(workers: &dyn Workers, validation: &Prepared, model: &Hypothesis) -> Result<bool, Cancelled> {
+    let simulated = all_residuals(workers, &validation.records, model)?;
+    let Some(changed) = simulated.into_iter().collect::<Option<Vec<Vec<f64>>>>() else {
+        return Ok(false);
+    };
+    let of = |residuals: &[Vec<f64>]| -> f64 {
+        energies(&validation.metric, &validation.records, residuals)
+            .iter()
+            .sum()
+    };
+    let (old, new) = (of(&validation.residuals), of(&changed));
+    let noise: f64 = expected(&validation.metric).iter().sum();
+    Ok(old > noise && old - new >= ADDS_OF_REST * (old - noise))
 }
 
 /// Chooses among the accepted effect and those that the residuals cannot tell from it.
