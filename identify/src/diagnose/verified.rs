@@ -18,9 +18,9 @@ const WITHDRAWN: f64 = 0.1;
 pub(super) enum Verified {
     /// No row is surely worse, or most of the gap is gone nevertheless.
     Holds,
-    /// One is: something is missing or is another law.
+    /// One is, or the whole gap grows: something is missing or is another law.
     InPart(String),
-    /// One is, and the only name explains next to nothing.
+    /// The same, and the only name explains next to nothing.
     Not(String),
 }
 
@@ -41,20 +41,26 @@ pub(super) fn verified(gaps: &[Gap], explained: Option<f64>, names: usize) -> Ve
         .iter()
         .filter(|gap| gap.low > gap.before && gap.after > (1.0 + WORSE) * gap.before && gap.after > floors * gap.floor);
     let share = |gap: &Gap| gap.after / gap.before.max(1e-300);
-    let Some(worst) = worse.max_by(|a, b| share(a).total_cmp(&share(b))) else {
-        return match explained.filter(|explained| *explained < -GROWN) {
-            Some(grown) => Verified::InPart(format!(
-                "on runs that were not used the gap is larger by {:.0} % with what is named",
-                -100.0 * grown
-            )),
-            None => Verified::Holds,
-        };
+    let (words, is_nothing) = match worse.max_by(|a, b| share(a).total_cmp(&share(b))) {
+        Some(worst) => (
+            format!(
+                "on runs that were not used the error of {} {:.1} s ahead rises from {:.4} to {:.4} {} with what is named",
+                worst.channel, worst.horizon_s, worst.before, worst.after, worst.unit
+            ),
+            explained.unwrap_or(0.0) < WITHDRAWN,
+        ),
+        None => match explained.filter(|explained| *explained < -GROWN) {
+            Some(grown) => (
+                format!(
+                    "on runs that were not used the gap is larger by {:.0} % with what is named",
+                    -100.0 * grown
+                ),
+                true,
+            ),
+            None => return Verified::Holds,
+        },
     };
-    let words = format!(
-        "on runs that were not used the error of {} {:.1} s ahead rises from {:.4} to {:.4} {} with what is named",
-        worst.channel, worst.horizon_s, worst.before, worst.after, worst.unit
-    );
-    if names == 1 && explained.unwrap_or(0.0) < WITHDRAWN {
+    if names == 1 && is_nothing {
         Verified::Not(words)
     } else {
         Verified::InPart(words)
@@ -98,11 +104,12 @@ mod tests {
 
     /// No row is worse for sure, all are a little.
     #[test]
-    fn names_with_which_the_whole_gap_grows_are_unproven() {
+    fn names_with_which_the_whole_gap_grows_are_unproven_and_a_single_one_is_withdrawn() {
         let mut row = row("wheel", 0.22, 0.40, 0.56);
         row.low = 0.2;
         let gaps = [row];
-        assert!(matches!(verified(&gaps, Some(-0.48), 1), Verified::InPart(words) if words.contains("48 %")));
+        assert!(matches!(verified(&gaps, Some(-0.48), 2), Verified::InPart(words) if words.contains("48 %")));
+        assert!(matches!(verified(&gaps, Some(-0.48), 1), Verified::Not(words) if words.contains("48 %")));
         assert_eq!(verified(&gaps, Some(-0.05), 1), Verified::Holds, "chance");
     }
 
