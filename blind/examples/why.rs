@@ -1,6 +1,6 @@
 //! What a diagnosis says of sets and of what is hidden in them: what was named, and in which list the truth ended and why.
 //!
-//! `cargo run --release -p blind --example why -- KIND SEED NUMBER...`
+//! `cargo run --release -p blind --example why -- KIND[:EFFECT] SEED NUMBER...`; with an effect, sets as `--effect EFFECT` numbers them.
 
 use blind::kind::Kind;
 use blind::set::{Set, Wish};
@@ -11,10 +11,15 @@ use identify::workers::Serial;
 fn main() -> anyhow::Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let kind = arguments.first().map_or("single", String::as_str);
+    let (kind, effect) = match kind.split_once(':') {
+        Some((kind, effect)) => (kind, Some(effect.to_owned())),
+        None => (kind, None),
+    };
     let kind = Kind::from_str(kind, true).map_err(|error| anyhow::anyhow!("{error}"))?;
     let seed: u64 = arguments.get(1).map_or(Ok(1), |text| text.parse())?;
     let wish = Wish {
         kind: Some(kind),
+        effect,
         ..Wish::standard()
     };
     for number in arguments.iter().skip(2) {
