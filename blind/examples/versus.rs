@@ -1,11 +1,9 @@
 //! Two explanations of one set beside each other: gains, by run, and energies by channel of the truth and of other effects, on the calibrated model.
 //!
-//! `cargo run --release -p blind --example versus -- [KIND] SEED NUMBER [NAME[@WHEEL]:PARAMETER=VALUE[,PARAMETER=VALUE]]...`: a set as `--kind KIND`
-//! (`single` when absent) numbers them.
+//! `cargo run --release -p blind --example versus -- [KIND[:EFFECT]] SEED NUMBER [NAME[@WHEEL]:PARAMETER=VALUE[,PARAMETER=VALUE]]...`: a set as
+//! `--kind KIND --effect EFFECT` (`single` and all of them when absent) numbers them.
 
-use blind::kind::Kind;
 use blind::set::{Set, Wish};
-use clap::ValueEnum;
 use identify::diagnose::calibrated_floor;
 use identify::floor::knob_changes;
 use identify::hypothesis::Hypothesis;
@@ -37,18 +35,14 @@ fn effect(text: &str) -> Option<Effect> {
 
 fn main() -> anyhow::Result<()> {
     let mut arguments: Vec<String> = std::env::args().skip(1).collect();
-    let kind = arguments.first().and_then(|first| Kind::from_str(first, true).ok());
-    if kind.is_some() {
-        arguments.remove(0);
-    }
+    let wish = match arguments.first() {
+        Some(first) if first.parse::<u64>().is_err() => Wish::named(&arguments.remove(0))?,
+        _ => Wish::named("single")?,
+    };
     anyhow::ensure!(
         arguments.len() >= 2,
-        "[KIND] SEED NUMBER [NAME[@WHEEL]:PARAMETER=VALUE]..."
+        "[KIND[:EFFECT]] SEED NUMBER [NAME[@WHEEL]:PARAMETER=VALUE]..."
     );
-    let wish = Wish {
-        kind: kind.or(Some(Kind::Single)),
-        ..Wish::standard()
-    };
     let set = Set::new(arguments[0].parse()?, arguments[1].parse()?, &wish)?;
     let driven = set.driven(0)?;
     let floor = calibrated_floor(&Serial, &driven.references, None)?;

@@ -2,26 +2,14 @@
 //!
 //! `cargo run --release -p blind --example why -- KIND[:EFFECT] SEED NUMBER...`; with an effect, sets as `--effect EFFECT` numbers them.
 
-use blind::kind::Kind;
 use blind::set::{Set, Wish};
-use clap::ValueEnum;
 use identify::diagnose::{Input, diagnose};
 use identify::workers::Serial;
 
 fn main() -> anyhow::Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let kind = arguments.first().map_or("single", String::as_str);
-    let (kind, effect) = match kind.split_once(':') {
-        Some((kind, effect)) => (kind, Some(effect.to_owned())),
-        None => (kind, None),
-    };
-    let kind = Kind::from_str(kind, true).map_err(|error| anyhow::anyhow!("{error}"))?;
+    let wish = Wish::named(arguments.first().map_or("single", String::as_str))?;
     let seed: u64 = arguments.get(1).map_or(Ok(1), |text| text.parse())?;
-    let wish = Wish {
-        kind: Some(kind),
-        effect,
-        ..Wish::standard()
-    };
     for number in arguments.iter().skip(2) {
         let set = Set::new(seed, number.parse()?, &wish)?;
         let driven = set.driven(0)?;

@@ -53,6 +53,20 @@ impl Wish {
             ..Wish::default()
         }
     }
+
+    /// Of words `KIND` or `KIND:EFFECT`, as programs that look at single sets take them.
+    pub fn named(text: &str) -> Result<Wish> {
+        let (kind, effect) = match text.split_once(':') {
+            Some((kind, effect)) => (kind, Some(effect.to_owned())),
+            None => (text, None),
+        };
+        let kind = <Kind as clap::ValueEnum>::from_str(kind, true).map_err(|error| anyhow!("kind {kind}: {error}"))?;
+        Ok(Wish {
+            kind: Some(kind),
+            effect,
+            ..Wish::standard()
+        })
+    }
 }
 
 /// One set before it is driven.
