@@ -1,7 +1,8 @@
 //! Set-points that never arrived, where nothing else explains what is left of the wheel speeds.
 
 use super::prepared::{Prepared, prepare};
-use super::{Case, Run, TINY, Taken};
+use super::taken::Taken;
+use super::{Case, Run, TINY};
 use crate::fit::{Member, with_members};
 use crate::floor::Metric;
 use crate::hypothesis::{Hypothesis, lost_set_points};

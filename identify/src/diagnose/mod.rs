@@ -20,6 +20,7 @@ mod next;
 mod opening;
 mod prepared;
 mod suspected;
+mod taken;
 mod usable;
 mod validation_gap;
 mod verified;
@@ -46,12 +47,12 @@ use absorb::absorb_one;
 use arrived::{Answer, Question};
 use described::described;
 use energy::Energies;
-use evenness::Evenness;
 use final_fit::finish;
 use louder::Compared;
 use opening::{ALIKE, Opening, otherwise_calibrated};
 use prepared::{Prepared, Whole, enough};
 use suspected::{drop_doubtful, take_suspect};
+use taken::Taken;
 use usable::{check, usable};
 use validation_gap::{adds_nothing, prefer};
 
@@ -91,73 +92,6 @@ pub struct Input {
 pub struct Diagnosis {
     pub report: Report,
     pub model: ModelDocument,
-}
-
-/// Gain in thresholds from which an interval that reaches to no effect is the interval's fault.
-const SURELY: f64 = 10.0;
-
-/// An effect that has been taken into the model.
-#[derive(Debug, Clone)]
-struct Taken {
-    finalist: Finalist,
-    alternatives: Vec<Finalist>,
-    excluded: Vec<Finalist>,
-    threshold: f64,
-    tiny: bool,
-    /// How far its size differs from window to window; unknown when few windows tell it.
-    evenness: Option<Evenness>,
-    /// What it gains on all open runs but for the window that gains most; unknown until they are fitted.
-    but_best: Option<f64>,
-    /// The intervals of all its sizes reach to no effect.
-    may_be_none: bool,
-    /// Nothing passed, and this is what is suspected: why it did not pass.
-    suspected: Option<String>,
-}
-
-impl Taken {
-    /// By how many times itself the size differs from window to window, when another law may be behind it.
-    fn uneven(&self) -> Option<f64> {
-        self.evenness.filter(Evenness::is_uneven).map(|even| even.spread)
-    }
-
-    /// Neither another law nor what was there before.
-    fn is_sure(&self, floor: &Floor) -> bool {
-        self.doubts().is_empty() && !floor.may_have_had(self.finalist.size)
-    }
-
-    /// What speaks against believing it, for the report.
-    fn doubts(&self) -> Vec<String> {
-        let name = self.finalist.member.candidate.entry.name;
-        // That both sides do not agree on its size is doubt enough.
-        let is_reconciled = self.suspected.is_some() && !self.finalist.is_unshown;
-        let uneven = self.uneven().filter(|_| !is_reconciled).map(|spread| {
-            format!(
-                "{name}: the size that explains most differs from stretch to stretch by {spread:.1} times itself, so a law of another kind may be behind it"
-            )
-        });
-        let in_turn = self.finalist.is_in_turn.then(|| {
-            format!(
-                "{name}: the runs kept for checking hardly show it, so it was checked on the training runs in turn; not confirmed without new runs that show it"
-            )
-        });
-        // Of what is only suspected no gain makes up for a size that may be none.
-        let is_sure = self.suspected.is_none() && self.finalist.gain() >= SURELY * self.threshold;
-        let nothing = (self.may_be_none && !is_sure).then(|| {
-            format!(
-                "{name}: by the interval of its size there may be none of it, although it explains what chance does not"
-            )
-        });
-        let suspected = self.suspected.as_ref().map(|because| {
-            let why = if self.finalist.is_unshown {
-                "only some runs show it, and those kept for checking hardly do"
-            } else {
-                "training and validation runs show it, but not at the sizes that the training runs alone give"
-            };
-            format!("{name}: {why} ({because}); not confirmed without new runs that show it")
-        });
-        let doubts = uneven.into_iter().chain(in_turn).chain(nothing);
-        doubts.chain(suspected).collect()
-    }
 }
 
 /// Everything that the report is made of.
@@ -467,7 +401,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
             continue;
         }
         let before = (members.clone(), case.taken.clone());
-        case.taken.push(taken(&stop, accepted));
+        case.taken.push(Taken::accepted(&stop, accepted));
         let finalist = &stop.finalists[accepted];
         if finalist.joint.is_empty() {
             members.push(finalist.member.clone());
@@ -556,29 +490,6 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
             return Ok(());
         }
         case.located = located.clone();
-    }
-}
-
-fn taken(stop: &Stop, accepted: usize) -> Taken {
-    let finalist = stop.finalists[accepted].clone();
-    let alternatives: Vec<Finalist> = stop.alternatives.iter().map(|a| stop.finalists[*a].clone()).collect();
-    let excluded = stop
-        .finalists
-        .iter()
-        .enumerate()
-        .filter(|(position, _)| *position != accepted && !stop.alternatives.contains(position))
-        .map(|(_, finalist)| finalist.clone())
-        .collect();
-    Taken {
-        tiny: finalist.size < TINY,
-        finalist,
-        alternatives,
-        excluded,
-        threshold: stop.threshold,
-        evenness: None,
-        but_best: None,
-        may_be_none: false,
-        suspected: None,
     }
 }
 

@@ -2,7 +2,8 @@
 
 use super::opening::otherwise_calibrated;
 use super::prepared::Prepared;
-use super::{Case, DiagnoseError, TINY, Taken, hear};
+use super::taken::Taken;
+use super::{Case, DiagnoseError, TINY, hear};
 use crate::fit::{Member, with_members};
 use crate::floor::Metric;
 use crate::record::Stages;

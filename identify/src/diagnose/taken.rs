@@ -1,0 +1,192 @@
+//! An effect that has been taken into the model, and what speaks against believing it.
+
+use super::TINY;
+use super::evenness::Evenness;
+use crate::floor::Floor;
+use crate::select::{Finalist, Stop};
+
+/// Gain in thresholds from which an interval that reaches to no effect is the interval's fault.
+const SURELY: f64 = 10.0;
+
+/// An effect that has been taken into the model.
+#[derive(Debug, Clone)]
+pub(super) struct Taken {
+    pub finalist: Finalist,
+    pub alternatives: Vec<Finalist>,
+    pub excluded: Vec<Finalist>,
+    pub threshold: f64,
+    pub tiny: bool,
+    /// How far its size differs from window to window; unknown when few windows tell it.
+    pub evenness: Option<Evenness>,
+    /// What it gains on all open runs but for the window that gains most; unknown until they are fitted.
+    pub but_best: Option<f64>,
+    /// The intervals of all its sizes reach to no effect.
+    pub may_be_none: bool,
+    /// Nothing passed, and this is what is suspected: why it did not pass.
+    pub suspected: Option<String>,
+}
+
+impl Taken {
+    /// What a round accepted.
+    pub fn accepted(stop: &Stop, accepted: usize) -> Taken {
+        let finalist = stop.finalists[accepted].clone();
+        let alternatives: Vec<Finalist> = stop.alternatives.iter().map(|a| stop.finalists[*a].clone()).collect();
+        let excluded = stop
+            .finalists
+            .iter()
+            .enumerate()
+            .filter(|(position, _)| *position != accepted && !stop.alternatives.contains(position))
+            .map(|(_, finalist)| finalist.clone())
+            .collect();
+        Taken {
+            tiny: finalist.size < TINY,
+            finalist,
+            alternatives,
+            excluded,
+            threshold: stop.threshold,
+            evenness: None,
+            but_best: None,
+            may_be_none: false,
+            suspected: None,
+        }
+    }
+
+    /// By how many times itself the size differs from window to window, when another law may be behind it.
+    pub fn uneven(&self) -> Option<f64> {
+        self.evenness.filter(Evenness::is_uneven).map(|even| even.spread)
+    }
+
+    /// Neither another law nor what was there before.
+    pub fn is_sure(&self, floor: &Floor) -> bool {
+        self.doubts().is_empty() && !floor.may_have_had(self.finalist.size)
+    }
+
+    /// What speaks against believing it, for the report.
+    pub fn doubts(&self) -> Vec<String> {
+        let name = self.finalist.member.candidate.entry.name;
+        // That both sides do not agree on its size is doubt enough.
+        let is_reconciled = self.suspected.is_some() && !self.finalist.is_unshown;
+        let uneven = self.uneven().filter(|_| !is_reconciled).map(|spread| {
+            format!(
+                "{name}: the size that explains most differs from stretch to stretch by {spread:.1} times itself, so a law of another kind may be behind it"
+            )
+        });
+        let in_turn = self.finalist.is_in_turn.then(|| {
+            format!(
+                "{name}: the runs kept for checking hardly show it, so it was checked on the training runs in turn; not confirmed without new runs that show it"
+            )
+        });
+        // Of what is only suspected no gain makes up for a size that may be none.
+        let is_sure = self.suspected.is_none() && self.finalist.gain() >= SURELY * self.threshold;
+        let nothing = (self.may_be_none && !is_sure).then(|| {
+            format!(
+                "{name}: by the interval of its size there may be none of it, although it explains what chance does not"
+            )
+        });
+        let suspected = self.suspected.as_ref().map(|because| {
+            let why = if self.finalist.is_unshown {
+                "only some runs show it, and those kept for checking hardly do"
+            } else {
+                "training and validation runs show it, but not at the sizes that the training runs alone give"
+            };
+            format!("{name}: {why} ({because}); not confirmed without new runs that show it")
+        });
+        let doubts = uneven.into_iter().chain(in_turn).chain(nothing);
+        doubts.chain(suspected).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::Member;
+    use crate::hypothesis::{Excitation, candidates};
+
+    /// A `payload` that gains so many thresholds.
+    fn payload(thresholds: f64) -> Taken {
+        let all = candidates(&twin::golden::reference_robot("diff2"), &Excitation::default());
+        let Some(position) = all.iter().position(|candidate| candidate.entry.name == "payload") else {
+            panic!("no payload in the library");
+        };
+        let values = all[position]
+            .axes
+            .iter()
+            .map(|axis| axis.neutral + axis.practical)
+            .collect();
+        let finalist = Finalist {
+            position,
+            member: Member {
+                candidate: all[position].clone(),
+                values,
+            },
+            gain_train: 20.0 * thresholds,
+            weighed: 20.0 * thresholds,
+            gain_validation: 10.0 * thresholds,
+            change_validation: 0.0,
+            in_references: 0.0,
+            stability: 1.0,
+            is_unshown: false,
+            is_in_turn: false,
+            harmful: 0.0,
+            worse: None,
+            size: 1.0,
+            sure_size: 1.0,
+            because: None,
+            cosine: 1.0,
+            joint: Vec::new(),
+        };
+        Taken {
+            finalist,
+            alternatives: Vec::new(),
+            excluded: Vec::new(),
+            threshold: 30.0,
+            tiny: false,
+            evenness: None,
+            but_best: None,
+            may_be_none: false,
+            suspected: None,
+        }
+    }
+
+    #[test]
+    fn evidence_makes_up_for_a_wide_interval_and_not_for_a_suspicion() {
+        assert!(payload(2.0).doubts().is_empty());
+        let weak = Taken {
+            may_be_none: true,
+            ..payload(2.0)
+        };
+        assert!(matches!(&weak.doubts()[..], [doubt] if doubt.contains("there may be none of it")));
+        let strong = Taken {
+            may_be_none: true,
+            ..payload(20.0)
+        };
+        assert!(strong.doubts().is_empty());
+        let suspected = Taken {
+            suspected: Some("makes 9 % of the bootstrap replicates worse".to_owned()),
+            ..payload(20.0)
+        };
+        assert_eq!(suspected.doubts().len(), 1);
+        let none = Taken {
+            may_be_none: true,
+            ..suspected
+        };
+        assert_eq!(none.doubts().len(), 2, "such a name is withdrawn");
+    }
+
+    #[test]
+    fn a_size_that_differs_from_stretch_to_stretch_is_doubted_once() {
+        let uneven = Taken {
+            evenness: Some(Evenness {
+                spread: 0.8,
+                surprise: 9.0,
+            }),
+            ..payload(2.0)
+        };
+        assert!(matches!(&uneven.doubts()[..], [doubt] if doubt.contains("0.8 times itself")));
+        let reconciled = Taken {
+            suspected: Some("is at an end".to_owned()),
+            ..uneven
+        };
+        assert!(matches!(&reconciled.doubts()[..], [doubt] if doubt.contains("is at an end")));
+    }
+}
