@@ -2,7 +2,8 @@
 //! named already, each believed as far as a description is; where that is not possible the effect is named.
 
 use super::prepared::{Prepared, enough, prepare};
-use super::{Case, MOST_EFFECTS, Taken};
+use super::taken::Taken;
+use super::{Case, MOST_EFFECTS};
 use crate::fit::{Member, Problem, fit, with_members};
 use crate::floor::{Estimate, Floor, Said};
 use crate::hypothesis::{Candidate, Hypothesis, Knob};

@@ -1,6 +1,7 @@
 //! A name that was taken while others were still missing may have stood in for them: its rivals are tried in its place.
 
-use super::{Prepared, Taken};
+use super::prepared::Prepared;
+use super::taken::Taken;
 use crate::fit::{Fit, Member, Problem, fit, with_members};
 use crate::floor::Metric;
 use crate::hypothesis::Hypothesis;

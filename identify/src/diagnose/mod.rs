@@ -39,9 +39,7 @@ use crate::locate::{Located, locate};
 use crate::record::{Record, Stages};
 use crate::report::Report;
 use crate::screen::{Score, all_residuals};
-use crate::select::{
-    Explained, Finalist, Role, Round, Sensitivities, Stop, decrease, energies, roles, round, slack_of,
-};
+use crate::select::{Explained, Role, Round, Sensitivities, Stop, decrease, energies, roles, round, slack_of};
 use crate::workers::Workers;
 use absorb::absorb_one;
 use arrived::{Answer, Question};
