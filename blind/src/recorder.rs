@@ -5,7 +5,7 @@ use identify::bundle::{Series, Telemetry};
 use identify::channel::Channel;
 use identify::diagnose::Run;
 
-/// Every so many samples are left of channels that are recorded slowly: 30 Hz of 120.
+/// Every so many samples are left of what is measured: poses at 30 Hz of 120, on-board channels at 24 of 96.
 const SLOW: usize = 4;
 /// Length of runs that are cut short, s.
 const SHORT_S: f64 = 8.0;
@@ -90,7 +90,7 @@ fn is_on_board_extra(channel: Channel) -> bool {
 fn digit(channel: Channel) -> Option<f64> {
     match channel {
         Channel::WheelSpeed(_) => Some(0.1),
-        Channel::WheelAngle(_) => Some(0.003),
+        Channel::WheelAngle(_) | Channel::Steering => Some(0.003),
         Channel::Current(_) | Channel::AccelX | Channel::AccelY | Channel::Bus => Some(0.05),
         Channel::Gyro => Some(0.005),
         Channel::PoseX | Channel::PoseY => Some(0.001),
