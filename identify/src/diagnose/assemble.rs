@@ -58,7 +58,8 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
     let mut is_proven = validated(case) && case.locked.len() >= FEWEST_RUNS;
     let names = case.taken.iter().filter(|taken| !taken.tiny).count();
     if names > 0 {
-        match verified(&gap, explained, names) {
+        let is_doubted = case.taken.iter().any(|taken| !taken.tiny && !taken.doubts().is_empty());
+        match verified(&gap, explained, names, is_doubted) {
             Verified::Holds => {}
             Verified::InPart(words) => {
                 case.remarks.push(format!("not proven: {words}"));

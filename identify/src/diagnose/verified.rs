@@ -26,7 +26,8 @@ pub(super) enum Verified {
 
 /// - `explained`: overall fraction of the gap.
 /// - `names`: number of names; of several some may be right, and which of them do harm these runs must not decide.
-pub(super) fn verified(gaps: &[Gap], explained: Option<f64>, names: usize) -> Verified {
+/// - `is_doubted`: something else speaks against them; a whole gap that grows, no row of it surely, may be chance and withdraws nothing by itself.
+pub(super) fn verified(gaps: &[Gap], explained: Option<f64>, names: usize, is_doubted: bool) -> Verified {
     if explained.is_some_and(|explained| explained >= PROVEN) {
         return Verified::Holds;
     }
@@ -55,7 +56,7 @@ pub(super) fn verified(gaps: &[Gap], explained: Option<f64>, names: usize) -> Ve
                     "on runs that were not used the gap is larger by {:.0} % with what is named",
                     -100.0 * grown
                 ),
-                true,
+                is_doubted,
             ),
             None => return Verified::Holds,
         },
@@ -89,46 +90,53 @@ mod tests {
     fn names_that_make_unused_runs_worse_are_withdrawn_or_unproven() {
         let better = row("pose", 0.004, 0.02, 0.005);
         let worse = row("current", 0.09, 0.10, 0.17);
-        assert_eq!(verified(core::slice::from_ref(&better), Some(0.9), 1), Verified::Holds);
-        let both = [better, worse.clone()];
-        assert!(matches!(verified(&both, Some(0.4), 1), Verified::InPart(words) if words.contains("current")));
         assert_eq!(
-            verified(&both, Some(0.7), 1),
+            verified(core::slice::from_ref(&better), Some(0.9), 1, false),
+            Verified::Holds
+        );
+        let both = [better, worse.clone()];
+        assert!(matches!(verified(&both, Some(0.4), 1, false), Verified::InPart(words) if words.contains("current")));
+        assert_eq!(
+            verified(&both, Some(0.7), 1, false),
             Verified::Holds,
             "most of the gap is gone"
         );
-        assert!(matches!(verified(&both, Some(-0.2), 1), Verified::Not(_)));
-        assert!(matches!(verified(&both, Some(-0.2), 2), Verified::InPart(_)));
-        assert!(matches!(verified(&[worse], None, 1), Verified::Not(_)));
+        assert!(matches!(verified(&both, Some(-0.2), 1, false), Verified::Not(_)));
+        assert!(matches!(verified(&both, Some(-0.2), 2, false), Verified::InPart(_)));
+        assert!(matches!(verified(&[worse], None, 1, false), Verified::Not(_)));
     }
 
     /// No row is worse for sure, all are a little.
     #[test]
-    fn names_with_which_the_whole_gap_grows_are_unproven_and_a_single_one_is_withdrawn() {
+    fn names_with_which_the_whole_gap_grows_are_unproven_and_a_single_doubted_one_is_withdrawn() {
         let mut row = row("wheel", 0.22, 0.40, 0.56);
         row.low = 0.2;
         let gaps = [row];
-        assert!(matches!(verified(&gaps, Some(-0.48), 2), Verified::InPart(words) if words.contains("48 %")));
-        assert!(matches!(verified(&gaps, Some(-0.48), 1), Verified::Not(words) if words.contains("48 %")));
-        assert_eq!(verified(&gaps, Some(-0.05), 1), Verified::Holds, "chance");
+        assert!(matches!(verified(&gaps, Some(-0.48), 2, false), Verified::InPart(words) if words.contains("48 %")));
+        assert!(matches!(verified(&gaps, Some(-0.48), 1, false), Verified::InPart(words) if words.contains("48 %")));
+        assert!(matches!(verified(&gaps, Some(-0.48), 1, true), Verified::Not(words) if words.contains("48 %")));
+        assert_eq!(verified(&gaps, Some(-0.05), 1, false), Verified::Holds, "chance");
     }
 
     #[test]
     fn what_may_be_chance_or_is_at_the_floor_is_not_worse() {
         assert_eq!(
-            verified(&[row("current", 0.09, 0.10, 0.11)], None, 1),
+            verified(&[row("current", 0.09, 0.10, 0.11)], None, 1, false),
             Verified::Holds,
             "chance"
         );
         assert_eq!(
-            verified(&[row("current", 0.12, 0.10, 0.17)], None, 1),
+            verified(&[row("current", 0.12, 0.10, 0.17)], None, 1, false),
             Verified::Holds,
             "at the floor"
         );
         let above = row("pose", 0.006, 0.0046, 0.0086);
-        assert_eq!(verified(core::slice::from_ref(&above), Some(0.2), 1), Verified::Holds);
+        assert_eq!(
+            verified(core::slice::from_ref(&above), Some(0.2), 1, false),
+            Verified::Holds
+        );
         assert!(
-            matches!(verified(&[above], Some(-0.2), 1), Verified::Not(_)),
+            matches!(verified(&[above], Some(-0.2), 1, false), Verified::Not(_)),
             "nothing is explained, and the error rises above the floor"
         );
     }
