@@ -8,6 +8,13 @@ use clap::ValueEnum;
 use identify::diagnose::{Input, Run, diagnose};
 use identify::workers::Serial;
 
+/// A recorder as the command line takes it.
+fn word(recorder: Recorder) -> String {
+    recorder
+        .to_possible_value()
+        .map_or_else(String::new, |value| value.get_name().to_owned())
+}
+
 fn main() -> anyhow::Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     anyhow::ensure!(
@@ -19,11 +26,10 @@ fn main() -> anyhow::Result<()> {
     } else {
         let parsed = arguments[0].split(',').map(|name| Recorder::from_str(name, true));
         parsed.collect::<Result<_, _>>().map_err(|name| {
-            let known: Vec<_> = Recorder::value_variants()
+            let known: Vec<String> = Recorder::value_variants()
                 .iter()
-                .filter_map(|r| r.to_possible_value())
+                .map(|recorder| word(*recorder))
                 .collect();
-            let known: Vec<&str> = known.iter().map(|value| value.get_name()).collect();
             anyhow::anyhow!("recorder: {name}; one of all, {}", known.join(", "))
         })?
     };
@@ -45,10 +51,14 @@ fn main() -> anyhow::Result<()> {
             .collect();
         println!("{number} {}: {}", set.chassis, hidden.join(", "));
         for recorder in &recorders {
-            let recorded = |runs: &[Run]| runs.iter().map(|run| recorder.of(run)).collect::<Vec<_>>();
+            let recorded = |runs: &[Run]| {
+                runs.iter()
+                    .map(|run| recorder.of(run))
+                    .collect::<anyhow::Result<Vec<_>>>()
+            };
             let input = Input {
-                references: recorded(&driven.references),
-                runs: recorded(&driven.runs),
+                references: recorded(&driven.references)?,
+                runs: recorded(&driven.runs)?,
                 locked: Vec::new(),
                 model: None,
                 seed: 1,
@@ -78,7 +88,7 @@ fn main() -> anyhow::Result<()> {
                 }
                 Err(error) => format!("refused: {error}"),
             };
-            println!("  {recorder:?}: {named}");
+            println!("  {}: {named}", word(*recorder));
         }
     }
     Ok(())

@@ -1,5 +1,6 @@
 //! The same runs as other laboratories would have recorded them: other rates, fewer channels, coarser digits.
 
+use anyhow::{Result, anyhow};
 use clap::ValueEnum;
 use identify::bundle::{Series, Telemetry};
 use identify::channel::Channel;
@@ -23,7 +24,7 @@ pub enum Recorder {
     Bare,
     /// Set-points and poses
     Poses,
-    /// Digits of cheap parts: speeds of 0.1 rad/s, angles of 0.003 rad, currents of 0.05 A, poses of 1 mm and 2 mrad
+    /// Digits of cheap parts: wheels 0.1 rad/s and 0.003 rad, steering 0.003 rad, currents 0.05 A, bus 0.05 V, gyro 0.005 rad/s, accelerometer 0.05 m/s2, poses 1 mm and 2 mrad
     Coarse,
     /// The first 8 s of each run
     Short,
@@ -35,7 +36,7 @@ pub enum Recorder {
 
 impl Recorder {
     /// A run as it would be recorded so.
-    pub fn of(self, run: &Run) -> Run {
+    pub fn of(self, run: &Run) -> Result<Run> {
         let mut run = run.clone();
         let telemetry = &mut run.bundle.telemetry;
         match self {
@@ -62,13 +63,12 @@ impl Recorder {
             Recorder::Short => cut(telemetry),
             Recorder::Untold => {
                 run.bundle.run.robot.noise = Default::default();
-                if let Ok(robot) = twin::robot::Robot::new(run.bundle.run.robot.clone()) {
-                    run.bundle.robot = robot;
-                }
+                run.bundle.robot = twin::robot::Robot::new(run.bundle.run.robot.clone())
+                    .map_err(|problem| anyhow!("{}: {}", problem.field, problem.message))?;
             }
             Recorder::Epoch => telemetry.time_s.iter_mut().for_each(|time_s| *time_s += EPOCH_S),
         }
-        run
+        Ok(run)
     }
 }
 
@@ -139,7 +139,8 @@ mod tests {
         let set = Set::new(1, 0, &wish).unwrap_or_else(|error| panic!("{error}"));
         let driven = set.driven(0).unwrap_or_else(|error| panic!("{error}"));
         let run = &driven.runs[0];
-        let of = |recorder: Recorder| recorder.of(run).bundle.telemetry;
+        let recorded = |recorder: Recorder| recorder.of(run).unwrap_or_else(|error| panic!("{error}"));
+        let of = |recorder: Recorder| recorded(recorder).bundle.telemetry;
         let whole = of(Recorder::AsIs);
         assert_eq!(whole, run.bundle.telemetry);
         let count = |telemetry: &Telemetry, channel| telemetry.series(channel).map_or(0, |series| series.rows.len());
@@ -152,6 +153,7 @@ mod tests {
             count(&slow, Channel::CommandWheel(0)),
             count(&whole, Channel::CommandWheel(0))
         );
+        assert!(count(&whole, Channel::Gyro) > 0 && count(&whole, Channel::Current(0)) > 0);
         let bare = of(Recorder::Bare);
         assert_eq!((count(&bare, Channel::Gyro), count(&bare, Channel::Current(0))), (0, 0));
         assert!(count(&bare, Channel::WheelSpeed(0)) > 0);
@@ -159,14 +161,20 @@ mod tests {
         assert_eq!(count(&poses, Channel::WheelSpeed(0)), 0);
         assert!(count(&poses, Channel::PoseYaw) > 0 && count(&poses, Channel::CommandWheel(0)) > 0);
         let coarse = of(Recorder::Coarse);
-        let steps = coarse
-            .series(Channel::Gyro)
-            .map_or(Vec::new(), |series| series.values.clone());
-        assert!(
-            steps
-                .iter()
-                .all(|value| (value / 0.005 - (value / 0.005).round()).abs() < 1e-9)
-        );
+        assert!(coarse != whole);
+        for (channel, step) in [
+            (Channel::Gyro, 0.005),
+            (Channel::WheelSpeed(0), 0.1),
+            (Channel::PoseX, 0.001),
+        ] {
+            let values = &coarse.channels[&channel].values;
+            assert!(!values.is_empty());
+            assert!(
+                values
+                    .iter()
+                    .all(|value| (value / step - (value / step).round()).abs() < 1e-9)
+            );
+        }
         let short = of(Recorder::Short);
         assert!(short.time_s[short.time_s.len() - 1] - short.time_s[0] < SHORT_S);
         assert!(
@@ -176,7 +184,7 @@ mod tests {
                 .flat_map(|series| &series.rows)
                 .all(|row| (*row as usize) < short.time_s.len())
         );
-        assert!(Recorder::Untold.of(run).bundle.run.robot.noise != run.bundle.run.robot.noise);
+        assert!(recorded(Recorder::Untold).bundle.run.robot.noise != run.bundle.run.robot.noise);
         assert_eq!(of(Recorder::Epoch).time_s[0], whole.time_s[0] + EPOCH_S);
     }
 }
