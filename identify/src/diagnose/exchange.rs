@@ -1,114 +1,269 @@
 //! A name that was taken while others were still missing may have stood in for them: its rivals are tried in its place.
 
+use super::Case;
 use super::prepared::Prepared;
 use super::taken::Taken;
 use crate::fit::{Fit, Member, Problem, fit, with_members};
 use crate::floor::Metric;
-use crate::hypothesis::Hypothesis;
+use crate::hypothesis::{Candidate, Hypothesis};
 use crate::screen::all_residuals;
-use crate::select::Finalist;
+use crate::select::{Explained, Finalist, Round, Sensitivities, Side, in_place, scores_beside, slack_of};
 use crate::workers::{Cancelled, Workers, gathered};
 
 /// A rival is tried when it alone gained this share of the winner's gain, and at most so many for each name.
 const RIVAL_SHARE: f64 = 0.6;
 const MOST_RIVALS: usize = 3;
+/// What was refused alone, or never fitted, is tried where it shows beside the other names as much as this share of the name itself, at
+/// most so many for each name.
+const SHOWS_AS_MUCH: f64 = 0.9;
+const MOST_SEEN: usize = 2;
 
-/// Tries the rivals of all but the newest effect in its place, all effects fitted anew, and keeps the best exchange that
-/// explains more of the training and of the validation runs. Rivals that explain less by more than `slack` of a gain are told
-/// apart. Returns the fit that stands then.
-pub(super) fn exchange(
-    workers: &dyn Workers,
-    problem: &Problem,
-    validation: &Prepared,
-    taken: &mut [Taken],
-    slack: impl Fn(f64) -> f64,
-    joint: Fit,
-) -> Result<Fit, Cancelled> {
-    let trials = trials(taken, &joint.members);
-    if trials.is_empty() {
-        return Ok(joint);
-    }
-    let gains = taken.iter().map(|own| slack(own.finalist.weighed));
-    let trial = Problem {
-        wanted_gain: joint.gain - gains.fold(0.0, f64::max),
-        ..*problem
-    };
-    let fits = gathered(workers, trials.len(), &|item| {
-        let (position, rival) = &trials[item];
-        let mut members = joint.members.clone();
-        members[*position] = rival.member.clone();
-        fit(&trial, members)
-    })?;
-    let mut best: Option<(usize, Fit)> = None;
-    for (item, found) in fits.into_iter().enumerate() {
-        let Some(found) = found else { continue };
-        let (position, rival) = &trials[item];
-        let own = &mut taken[*position];
-        if joint.gain - found.gain > slack(own.finalist.weighed) {
-            tell_apart(own, rival);
+/// Names, and the data that they are held against.
+pub(super) struct Exchange<'a> {
+    pub workers: &'a dyn Workers,
+    pub case: &'a Case<'a>,
+    pub problem: &'a Problem<'a>,
+    pub train: &'a Prepared,
+    /// Windows that candidates are screened on; the training runs when there are few.
+    pub coarse: &'a Prepared,
+    pub validation: &'a Prepared,
+    pub reference_metric: Option<&'a Metric>,
+    pub explained: &'a Explained,
+    pub kept: &'a Sensitivities,
+}
+
+/// Another effect in the place of a name.
+struct Trial {
+    place: usize,
+    rival: Rival,
+}
+
+enum Rival {
+    /// It passed by itself when the name was taken.
+    Passed(Box<Finalist>),
+    /// Position of the candidate, and where its fit begins.
+    Seen(usize, Member),
+}
+
+impl Rival {
+    fn member(&self) -> &Member {
+        match self {
+            Rival::Passed(finalist) => &finalist.member,
+            Rival::Seen(_, member) => member,
         }
-        let least = joint.gain + slack(own.finalist.weighed);
-        if found.gain > least && best.as_ref().is_none_or(|(_, other)| found.gain > other.gain) {
-            best = Some((item, found));
-        }
-    }
-    let Some((item, found)) = best else { return Ok(joint) };
-    let before = energy(workers, validation, problem.base, &joint.members)?;
-    let after = energy(workers, validation, problem.base, &found.members)?;
-    match (before, after) {
-        (Some(before), Some(after)) if after < before => {
-            let (position, rival) = &trials[item];
-            replace(&mut taken[*position], rival);
-            Ok(found)
-        }
-        _ => Ok(joint),
     }
 }
 
-/// Positions and rivals, best first.
-fn trials(taken: &[Taken], members: &[Member]) -> Vec<(usize, Finalist)> {
+impl Exchange<'_> {
+    /// Tries the rivals of all but the newest effect in its place, all effects fitted anew, and keeps the best exchange that
+    /// explains more of the training and of the validation runs. Rivals that explain less by more than the slack of a gain are told
+    /// apart. Returns the fit that stands then.
+    pub fn best(&self, taken: &mut [Taken], joint: Fit) -> Result<Fit, Cancelled> {
+        let slack = slack_of(&self.case.floor);
+        let mut trials = passed(taken, &joint.members);
+        self.seen(&joint.members, &mut trials)?;
+        if trials.is_empty() {
+            return Ok(joint);
+        }
+        let gains = taken.iter().map(|own| slack(own.finalist.weighed));
+        let problem = Problem {
+            wanted_gain: joint.gain - gains.fold(0.0, f64::max),
+            ..*self.problem
+        };
+        let fits = gathered(self.workers, trials.len(), &|item| {
+            let trial = &trials[item];
+            let mut members = joint.members.clone();
+            members[trial.place] = trial.rival.member().clone();
+            fit(&problem, members)
+        })?;
+        let mut better: Vec<(&Trial, Fit)> = Vec::new();
+        for (trial, found) in trials.iter().zip(fits) {
+            let Some(found) = found else { continue };
+            let own = &mut taken[trial.place];
+            let slack = slack(own.finalist.weighed);
+            if let (Rival::Passed(rival), true) = (&trial.rival, joint.gain - found.gain > slack) {
+                tell_apart(own, rival);
+            }
+            if found.gain > joint.gain + slack {
+                better.push((trial, found));
+            }
+        }
+        better.sort_by(|a, b| b.1.gain.total_cmp(&a.1.gain));
+        for (trial, found) in better {
+            let before = self.energy(&joint.members)?;
+            let after = self.energy(&found.members)?;
+            if !matches!((before, after), (Some(before), Some(after)) if after < before) {
+                continue;
+            }
+            if let Some(rival) = self.judged(trial, &found, taken[trial.place].threshold)? {
+                replace(&mut taken[trial.place], &rival);
+                return Ok(found);
+            }
+        }
+        Ok(joint)
+    }
+
+    /// What shows beside all names but one at least as much as that one does, and is none of the trials yet.
+    fn seen(&self, members: &[Member], trials: &mut Vec<Trial>) -> Result<(), Cancelled> {
+        let candidates = &self.case.candidates;
+        let earlier = members.len().saturating_sub(1);
+        for place in 0..earlier {
+            let others = without(members, place);
+            let Some(alone) = self.of_round(&others)? else { continue };
+            let scores = scores_beside(self.workers, &alone.round(self, &others), self.kept)?;
+            let is_own = |position: usize| is_same(&candidates[position], &members[place].candidate);
+            let own = (0..scores.len()).find(|position| is_own(*position));
+            let least = own.map_or(f64::INFINITY, |own| SHOWS_AS_MUCH * scores[own].gain);
+            let is_tried = |position: usize| {
+                let mut here = trials.iter().filter(|trial| trial.place == place);
+                here.any(|trial| is_same(&candidates[position], &trial.rival.member().candidate))
+            };
+            let mut found: Vec<usize> = (0..scores.len())
+                .filter(|position| scores[*position].gain > least && !self.kept.is_left(*position))
+                .filter(|position| {
+                    !members
+                        .iter()
+                        .any(|member| is_same(&candidates[*position], &member.candidate))
+                })
+                .filter(|position| !is_tried(*position))
+                .collect();
+            found.sort_by(|a, b| scores[*b].gain.total_cmp(&scores[*a].gain).then(a.cmp(b)));
+            trials.extend(found.into_iter().take(MOST_SEEN).map(|position| {
+                let member = Member {
+                    candidate: candidates[position].clone(),
+                    values: scores[position].start.clone(),
+                };
+                Trial {
+                    place,
+                    rival: Rival::Seen(position, member),
+                }
+            }));
+        }
+        Ok(())
+    }
+
+    /// What takes the place of a name; `None` when it would not have passed a round.
+    fn judged(&self, trial: &Trial, found: &Fit, threshold: f64) -> Result<Option<Finalist>, Cancelled> {
+        let position = match &trial.rival {
+            Rival::Passed(finalist) => return Ok(Some((**finalist).clone())),
+            Rival::Seen(position, _) => *position,
+        };
+        let others = without(&found.members, trial.place);
+        let Some(beside) = self.of_round(&others)? else {
+            return Ok(None);
+        };
+        let mut finalist = in_place(&beside.round(self, &others), found, trial.place, position, threshold);
+        finalist.joint.clear();
+        // It has taken the name's place in every half-split.
+        finalist.stability = 1.0;
+        Ok(Some(finalist).filter(|finalist| finalist.because.is_none()))
+    }
+
+    fn of_round(&self, members: &[Member]) -> Result<Option<Beside>, Cancelled> {
+        let model = with_members(self.problem.base, members);
+        let of = |side: &Prepared| -> Result<Option<Vec<Vec<f64>>>, Cancelled> {
+            Ok(all_residuals(self.workers, &side.records, &model)?
+                .into_iter()
+                .collect())
+        };
+        let is_thinned = !core::ptr::eq(self.train, self.coarse);
+        let coarse = if is_thinned { of(self.coarse)? } else { None };
+        let sides = (of(self.train)?, of(self.validation)?);
+        Ok(match sides {
+            (Some(train), Some(validation)) if !is_thinned || coarse.is_some() => Some(Beside {
+                model,
+                train,
+                coarse,
+                validation,
+            }),
+            _ => None,
+        })
+    }
+
+    fn energy(&self, members: &[Member]) -> Result<Option<f64>, Cancelled> {
+        let model = with_members(self.problem.base, members);
+        let side = self.validation;
+        let simulated = all_residuals(self.workers, &side.records, &model)?;
+        let simulated: Option<Vec<Vec<f64>>> = simulated.into_iter().collect();
+        Ok(simulated.map(|residuals| {
+            let kept = side
+                .bounds
+                .keep(&side.metric, &side.records, &side.residuals, residuals);
+            let vectors = kept.residuals.iter().map(Vec::as_slice).collect();
+            side.metric.gram(&[vectors]).at(0, 0)
+        }))
+    }
+}
+
+/// All runs under a model of some names.
+struct Beside {
+    model: Hypothesis,
+    train: Vec<Vec<f64>>,
+    /// Of the windows that candidates are screened on, where these are not all.
+    coarse: Option<Vec<Vec<f64>>>,
+    validation: Vec<Vec<f64>>,
+}
+
+impl Beside {
+    fn round<'a>(&'a self, about: &'a Exchange, members: &'a [Member]) -> Round<'a> {
+        fn of<'a>(side: &'a Prepared, residuals: &'a [Vec<f64>]) -> Side<'a> {
+            Side {
+                residuals,
+                ..side.side()
+            }
+        }
+        let train = || of(about.train, &self.train);
+        Round {
+            floor: &about.case.floor,
+            reference_metric: about.reference_metric,
+            train: train(),
+            coarse: self
+                .coarse
+                .as_ref()
+                .map_or_else(train, |residuals| of(about.coarse, residuals)),
+            validation: of(about.validation, &self.validation),
+            model: &self.model,
+            candidates: &about.case.candidates,
+            members,
+            explained: about.explained.clone(),
+            seed: about.case.input.seed,
+        }
+    }
+}
+
+fn without(members: &[Member], place: usize) -> Vec<Member> {
+    let others = members.iter().enumerate().filter(|(other, _)| *other != place);
+    others.map(|(_, member)| member.clone()).collect()
+}
+
+fn is_same(a: &Candidate, b: &Candidate) -> bool {
+    a.entry.name == b.entry.name && a.index == b.index
+}
+
+/// Rivals that passed when the names were taken, best first.
+fn passed(taken: &[Taken], members: &[Member]) -> Vec<Trial> {
     let mut trials = Vec::new();
     let earlier = taken.len().saturating_sub(1);
-    for (position, own) in taken.iter().enumerate().take(earlier) {
+    for (place, own) in taken.iter().enumerate().take(earlier) {
         let mut rivals: Vec<&Finalist> = own
             .alternatives
             .iter()
             .chain(&own.excluded)
             .filter(|rival| {
-                let is_member = |member: &Member| {
-                    member.candidate.entry.name == rival.member.candidate.entry.name
-                        && member.candidate.index == rival.member.candidate.index
-                };
                 rival.because.is_none()
                     && rival.weighed > RIVAL_SHARE * own.finalist.weighed
-                    && !members.iter().any(is_member)
+                    && !members
+                        .iter()
+                        .any(|member| is_same(&member.candidate, &rival.member.candidate))
             })
             .collect();
         rivals.sort_by(|a, b| b.weighed.total_cmp(&a.weighed).then(a.position.cmp(&b.position)));
-        trials.extend(
-            rivals
-                .into_iter()
-                .take(MOST_RIVALS)
-                .map(|rival| (position, rival.clone())),
-        );
+        trials.extend(rivals.into_iter().take(MOST_RIVALS).map(|rival| Trial {
+            place,
+            rival: Rival::Passed(Box::new(rival.clone())),
+        }));
     }
     trials
-}
-
-fn energy(
-    workers: &dyn Workers,
-    side: &Prepared,
-    base: &Hypothesis,
-    members: &[Member],
-) -> Result<Option<f64>, Cancelled> {
-    let model = with_members(base, members);
-    let simulated: Option<Vec<Vec<f64>>> = all_residuals(workers, &side.records, &model)?.into_iter().collect();
-    let metric: &Metric = &side.metric;
-    Ok(simulated.map(|residuals| {
-        let kept = side.bounds.keep(metric, &side.records, &side.residuals, residuals);
-        let vectors = kept.residuals.iter().map(Vec::as_slice).collect();
-        metric.gram(&[vectors]).at(0, 0)
-    }))
 }
 
 /// A rival that could not be told from a name by itself explains less than it among the others.

@@ -39,12 +39,13 @@ use crate::locate::{Located, locate};
 use crate::record::{Record, Stages};
 use crate::report::Report;
 use crate::screen::{Score, all_residuals};
-use crate::select::{Explained, Role, Round, Sensitivities, Stop, decrease, energies, roles, round, slack_of};
+use crate::select::{Explained, Role, Round, Sensitivities, Stop, decrease, energies, roles, round};
 use crate::workers::Workers;
 use absorb::absorb_one;
 use arrived::{Answer, Question};
 use described::described;
 use energy::Energies;
+use exchange::Exchange;
 use final_fit::finish;
 use louder::Compared;
 use opening::{ALIKE, Opening, otherwise_calibrated};
@@ -437,14 +438,20 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
             case.last = Some(stop);
             break;
         };
-        let joint = exchange::exchange(
+        let mut taken = core::mem::take(&mut case.taken);
+        let about = Exchange {
             workers,
-            &problem,
-            &validation,
-            &mut case.taken,
-            slack_of(&case.floor),
-            joint,
-        )?;
+            case,
+            problem: &problem,
+            train: &train,
+            coarse: coarse.as_ref().unwrap_or(&train),
+            validation: &validation,
+            reference_metric: reference_metric.as_ref(),
+            explained: &explained,
+            kept: &kept,
+        };
+        let joint = about.best(&mut taken, joint)?;
+        case.taken = taken;
         if let Some(because) = adds_nothing(workers, case, &validation, &before.0, &joint.members)? {
             (members, case.taken) = before;
             stop.finalists[accepted].because = Some(because);

@@ -6,8 +6,9 @@ use super::gap_table::explained_of_validation;
 use super::prepared::Prepared;
 use crate::fit::{Member, with_members};
 use crate::hypothesis::Hypothesis;
+use crate::record::CLASSES;
 use crate::screen::all_residuals;
-use crate::select::{Finalist, Stop, energies, expected};
+use crate::select::{Energies, Finalist, Stop, energies, expected};
 use crate::workers::{Cancelled, Workers};
 
 /// So much more of the gap is explained with one more effect, at least.
@@ -15,6 +16,10 @@ const ADDS: f64 = 0.01;
 /// Or so much of the energy beyond the noise that the others leave on the validation runs: the gap counts only channels on which much is wrong, and a first
 /// effect may be all of that. A rest of its law is spread over more than one effect takes.
 const ADDS_OF_REST: f64 = 0.5;
+/// Or so much of it on one channel: what is left on others may be of something else.
+const ADDS_OF_CHANNEL: f64 = 1.0 / 3.0;
+/// The gap that is left may grow by this share of itself then.
+const GROWS: f64 = 0.05;
 /// Standard deviations of the noise's energy (chi-squared) that such an effect takes at least.
 const CHANCE: f64 = 3.0;
 /// Of names that the residuals cannot tell apart one that explains so much more of the gap is preferred, and those that explain so much less
@@ -40,7 +45,8 @@ pub(super) fn adds_nothing(
     let Some([old, new]) = explained.and_then(|explained| <[f64; 2]>::try_from(explained).ok()) else {
         return Ok(None);
     };
-    let adds = new >= old + ADDS || new >= old - ADDS && takes_the_rest(workers, validation, &models[1])?;
+    let least = old - ADDS.max(GROWS * (1.0 - old));
+    let adds = new >= old + ADDS || new >= least && takes_the_rest(workers, validation, &models[1])?;
     Ok((!adds).then(|| {
         format!(
             "of the gap of the validation runs {:.1} % is explained with it and {:.1} % without",
@@ -50,7 +56,7 @@ pub(super) fn adds_nothing(
     }))
 }
 
-/// Whether a model explains most of what the present one leaves beyond the noise.
+/// Whether a model explains much of what the present one leaves beyond the noise, in all or on one channel.
 fn takes_the_rest(workers: &dyn Workers, validation: &Prepared, model: &Hypothesis) -> Result<bool, Cancelled> {
     let simulated = all_residuals(workers, &validation.records, model)?;
     let Some(changed) = simulated.into_iter().collect::<Option<Vec<Vec<f64>>>>() else {
@@ -58,19 +64,22 @@ fn takes_the_rest(workers: &dyn Workers, validation: &Prepared, model: &Hypothes
     };
     let bounds = &validation.bounds;
     let kept = bounds.keep(&validation.metric, &validation.records, &validation.residuals, changed);
-    let of = |residuals: &[Vec<f64>]| -> f64 {
-        energies(&validation.metric, &validation.records, residuals)
-            .iter()
-            .sum()
-    };
+    let of = |residuals: &[Vec<f64>]| energies(&validation.metric, &validation.records, residuals);
     let (old, new) = (of(&validation.residuals), of(&kept.residuals));
-    Ok(is_most(old, new, expected(&validation.metric).iter().sum()))
+    Ok(takes(&old, &new, &expected(&validation.metric)))
 }
 
-/// - `noise`: energy without any gap; it is uncertain by its own scatter, so that half of a small rest says nothing.
-fn is_most(old: f64, new: f64, noise: f64) -> bool {
+/// - `noise`: energies without any gap.
+fn takes(old: &Energies, new: &Energies, noise: &Energies) -> bool {
+    let sum = |energies: &Energies| energies.iter().sum::<f64>();
+    let all = is_most(sum(old), sum(new), sum(noise), ADDS_OF_REST);
+    all || (0..CLASSES).any(|class| is_most(old[class], new[class], noise[class], ADDS_OF_CHANNEL))
+}
+
+/// - `noise`: it is uncertain by its own scatter, so that a part of a small rest says nothing.
+fn is_most(old: f64, new: f64, noise: f64, share: f64) -> bool {
     let chance = CHANCE * (2.0 * noise).sqrt();
-    old - new >= (ADDS_OF_REST * (old - noise)).max(chance)
+    old - new >= (share * (old - noise)).max(chance)
 }
 
 /// Chooses among the accepted effect and those that the residuals cannot tell from it.
@@ -134,11 +143,26 @@ mod tests {
     /// Energies of validation runs of cars with two effects, the second of which shows on currents alone, and of rests of their laws.
     #[test]
     fn half_of_what_is_left_is_an_effect_of_its_own_and_a_quarter_is_a_rest() {
-        assert!(is_most(3363.0, 2505.0, 2792.0));
-        assert!(!is_most(3363.0, 3229.0, 2792.0));
-        assert!(!is_most(3757.0, 3670.0, 3409.0));
-        assert!(!is_most(2852.0, 2800.0, 2792.0), "half of next to nothing");
-        assert!(!is_most(2700.0, 2600.0, 2792.0), "nothing is left");
+        let is_half = |old: f64, new: f64, noise: f64| is_most(old, new, noise, ADDS_OF_REST);
+        assert!(is_half(3363.0, 2505.0, 2792.0));
+        assert!(!is_half(3363.0, 3229.0, 2792.0));
+        assert!(!is_half(3757.0, 3670.0, 3409.0));
+        assert!(!is_half(2852.0, 2800.0, 2792.0), "half of next to nothing");
+        assert!(!is_half(2700.0, 2600.0, 2792.0), "nothing is left");
+    }
+
+    #[test]
+    fn an_effect_of_one_channel_is_not_asked_to_explain_another() {
+        let noise: Energies = core::array::from_fn(|_| 200.0);
+        let mut old = noise;
+        (old[0], old[2]) = (900.0, 600.0);
+        let mut new = old;
+        new[2] = 420.0;
+        assert!(takes(&old, &new, &noise), "45 % of what is left on one, 16 % of all");
+        new[2] = 500.0;
+        assert!(!takes(&old, &new, &noise), "a quarter of one");
+        (old[2], new[2]) = (250.0, 210.0);
+        assert!(!takes(&old, &new, &noise), "most of next to nothing");
     }
 
     #[test]

@@ -55,6 +55,8 @@ const MOST_ITERATIONS: usize = 8;
 /// A step that gains less than this and this share of the gain ends the fit.
 const LEAST_GAIN: f64 = 0.3;
 const LEAST_SHARE: f64 = 0.002;
+/// A slope beside which others are seen is of a step of this many practical sizes.
+const SLOPE_STEP: f64 = 0.3;
 /// Dampings that are tried for a step.
 const TRIALS: usize = 4;
 /// A limit that is far too low is raised by this factor, so many times.
@@ -78,6 +80,13 @@ pub fn with_members(base: &Hypothesis, members: &[Member]) -> Hypothesis {
         model.effects.push(member.candidate.effect(&member.values));
     }
     model
+}
+
+/// The members with one free axis of them moved, for every such axis.
+pub fn moved_one_by_one(members: &[Member]) -> Vec<Vec<Member>> {
+    let free = free_axes(members);
+    let alone = free.iter().map(|axis| moved(members, &[*axis], &[SLOPE_STEP]));
+    alone.collect()
 }
 
 /// Axes that a fit may move: those with finite values.
@@ -302,6 +311,24 @@ pub fn is_rough(candidate: &Candidate) -> bool {
 }
 
 impl Fit {
+    /// What it says of one member, the others being fitted beside it.
+    pub fn only(mut self, member: usize) -> Fit {
+        let rows: Vec<usize> = (0..self.free.len()).filter(|row| self.free[*row].0 == member).collect();
+        if self.covariance.size == self.free.len() {
+            self.covariance = self.covariance.part(&rows);
+        }
+        if self.jacobian.len() == self.free.len() {
+            let mut jacobian = rows
+                .iter()
+                .map(|row| core::mem::take(&mut self.jacobian[*row]))
+                .collect();
+            core::mem::swap(&mut self.jacobian, &mut jacobian);
+        }
+        self.free = rows.iter().map(|row| (0, self.free[*row].1)).collect();
+        self.members = vec![self.members.swap_remove(member)];
+        self
+    }
+
     /// The same values on other data, without slopes; `None` when they cannot be simulated.
     pub fn evaluated(&self, problem: &Problem) -> Option<Fit> {
         let mut search = Search::new(problem, &self.members);

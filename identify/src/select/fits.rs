@@ -185,7 +185,7 @@ fn together(workers: &dyn Workers, data: &Round, fitted: &mut [Fitted]) -> Resul
         let alone = &mut fitted[item];
         if gain > alone.fit.gain {
             alone.joint.clone_from(&joint.members);
-            joint.members = joint.members.split_off(data.members.len());
+            joint = joint.only(data.members.len());
             joint.gain = gain;
             joint.simulations += alone.fit.simulations;
             alone.fit = joint;

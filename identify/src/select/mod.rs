@@ -4,6 +4,7 @@ mod beyond;
 mod curve;
 mod evidence;
 mod fits;
+mod in_place;
 mod in_turn;
 mod law_rest;
 mod loud_starts;
@@ -12,6 +13,7 @@ mod split;
 mod suspect;
 
 pub use evidence::window_energies;
+pub use in_place::{in_place, scores_beside};
 pub use law_rest::{Energies, Explained, decrease, energies, expected};
 pub use round::{Finalist, Round, Sensitivities, Side, Stop, difference, round, slack_of};
 pub use split::{Role, roles};

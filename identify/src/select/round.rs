@@ -47,9 +47,9 @@ const SAME: f64 = 0.95;
 pub(super) const LAW_SHARE: f64 = 0.02;
 /// Gain over the threshold of what nobody would call chance.
 const FAR_BEYOND: f64 = 3.0;
-/// An effect beside others needs this many thresholds: what their laws leave passes a threshold that knows chance alone. Without references
-/// several are expected.
-const BESIDE_OTHERS: f64 = 2.0;
+/// An effect beside others needs this many thresholds: what their laws leave passes a threshold that knows chance alone. Of the part that
+/// these cannot have left one is enough. Without references several are expected.
+pub(super) const BESIDE_OTHERS: f64 = 1.5;
 
 /// Training and validation side of the data.
 pub struct Side<'a> {
@@ -211,6 +211,10 @@ pub struct Sensitivities {
 }
 
 impl Sensitivities {
+    pub(super) fn columns(&self) -> &[Vec<Vec<f64>>] {
+        &self.columns
+    }
+
     /// The model has changed: good enough to see that nothing is left, not to choose with.
     pub fn outdate(&mut self) {
         self.is_fresh = false;
@@ -240,6 +244,12 @@ impl Sensitivities {
     pub fn leave(&mut self, positions: &[usize]) {
         self.vain
             .extend(positions.iter().map(|position| (*position, f64::INFINITY)));
+    }
+
+    pub fn is_left(&self, position: usize) -> bool {
+        self.vain
+            .iter()
+            .any(|known| known.0 == position && known.1.is_infinite())
     }
 
     /// A fit came to nothing in an earlier round, and the score promises hardly more now.
