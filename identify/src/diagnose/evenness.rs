@@ -16,6 +16,10 @@ const FEWEST: usize = 6;
 /// that of no one law. What a healthy robot's twin is off by lets weak effects differ as much, hardly more than by chance.
 const UNEVEN: f64 = 0.5;
 const SURPRISING: f64 = 5.0;
+/// Beyond all chance a smaller share tells as well: a drag that grows with the square of speed differs from the best viscous one by a quarter, by forty
+/// times what chance does; laws of real friction and tyres by a quarter and ten times, or twenty times and a twentieth.
+const HARDLY_EVEN: f64 = 0.2;
+const BEYOND_CHANCE: f64 = 20.0;
 
 /// Of one effect.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -29,7 +33,9 @@ pub(super) struct Evenness {
 impl Evenness {
     /// The windows ask for sizes that no one law has.
     pub fn is_uneven(&self) -> bool {
-        self.spread > UNEVEN && self.surprise > SURPRISING
+        let bars = [(UNEVEN, SURPRISING), (HARDLY_EVEN, BEYOND_CHANCE)];
+        bars.iter()
+            .any(|(spread, surprise)| self.spread > *spread && self.surprise > *surprise)
     }
 }
 
@@ -106,6 +112,14 @@ mod tests {
             assert_eq!(found.is_uneven(), between > 1.0, "{found:?}");
         }
         assert_eq!(spread(&windows(0.0)[..5]), None);
+    }
+
+    #[test]
+    fn a_law_that_is_a_little_other_is_told_where_evidence_is_plenty() {
+        let uneven = |spread: f64, surprise: f64| Evenness { spread, surprise }.is_uneven();
+        assert!(uneven(0.26, 40.0), "the square of speed as its first power");
+        assert!(!uneven(0.23, 6.6), "friction with other corners");
+        assert!(!uneven(0.05, 30.0), "a tyre of another curve");
     }
 
     #[test]

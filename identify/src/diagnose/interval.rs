@@ -13,13 +13,13 @@ const LAW_LEAST: f64 = 0.01;
 const LAW_MOST: f64 = 0.04;
 const LIMIT_SHARE: f64 = 0.2;
 
-/// All sizes of a named effect may be none: their intervals reach to where it has no effect. Lost set-points are counted, not fitted.
+/// All sizes of a named effect may be none: their intervals reach to where it has no effect.
 pub(super) fn may_be_none(case: &Case, position: usize) -> bool {
     let finalist = &case.taken[position].finalist;
     let candidate = &finalist.member.candidate;
     let found = sizes(case, position, finalist);
     let mut pairs = candidate.axes.iter().zip(&found).filter(|(axis, _)| axis.carries_size);
-    candidate.entry.name != LOST && pairs.all(|(axis, found)| reaches_none(axis, found))
+    pairs.all(|(axis, found)| reaches_none(axis, found))
 }
 
 fn reaches_none(axis: &Axis, found: &ParameterValue) -> bool {

@@ -3,6 +3,7 @@
 use super::TINY;
 use super::evenness::Evenness;
 use crate::floor::Floor;
+use crate::hypothesis::LOST;
 use crate::select::{Finalist, Stop};
 
 /// Gain in thresholds from which an interval that reaches to no effect is the interval's fault.
@@ -79,9 +80,10 @@ impl Taken {
                 "{name}: the runs kept for checking hardly show it, so it was checked on the training runs in turn; not confirmed without new runs that show it"
             )
         });
-        // A load may differ from run to run. Of what does not, and is only suspected, no gain makes up for a size that may be none.
+        // A load may differ from run to run. Of what does not, and is only suspected, no gain makes up for a size that may be none; nor of
+        // losses, which explain whatever set-points that are put elsewhere explain.
         let is_of_a_run = self.suspected.is_none() || name == LOAD;
-        let is_sure = is_of_a_run && self.finalist.gain() >= SURELY * self.threshold;
+        let is_sure = is_of_a_run && name != LOST && self.finalist.gain() >= SURELY * self.threshold;
         let nothing = (self.may_be_none && !is_sure).then(|| {
             format!(
                 "{name}: by the interval of its size there may be none of it, although it explains what chance does not"
