@@ -292,6 +292,7 @@ impl Question<'_> {
                 evenness: None,
                 but_best: None,
                 may_be_none: false,
+                trend: None,
                 suspected: None,
             },
             runs: runs.into_iter().chain(locked).collect(),

@@ -190,6 +190,7 @@ impl Choice<'_> {
                 evenness: None,
                 but_best: None,
                 may_be_none: false,
+                trend: None,
                 suspected: None,
             });
             free = with;

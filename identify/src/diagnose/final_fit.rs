@@ -1,11 +1,13 @@
 //! What was named, fitted on all open runs.
 
-use super::evenness::evenness;
+use super::evenness::{Evenness, evenness};
 use super::interval::may_be_none;
 use super::prepared::{Prepared, prepare};
+use super::trend::trend;
 use super::{Case, DiagnoseError, TINY, loudness};
 use crate::fit::{Member, Problem, fit, with_members};
 use crate::hypothesis::LOST;
+use crate::locate::states;
 use crate::record::{Record, Stages};
 use crate::screen::all_residuals;
 use crate::select::{Role, difference, window_energies};
@@ -63,7 +65,13 @@ pub(super) fn finish(
                 let without = both.bounds.keep(&both.metric, &both.records, &both.residuals, without);
                 let changes = difference(&without.residuals, &fit.residuals);
                 taken.but_best = Some(gain_but_best(&both, &without.residuals, &fit.residuals));
-                evenness(&both.metric, &both.records, &changes, &fit.residuals)
+                let even = evenness(&both.metric, &both.records, &changes, &fit.residuals);
+                taken.trend = even.filter(Evenness::is_uneven).and_then(|_| {
+                    let robot = case.floor.model.robot()?;
+                    let states: Vec<_> = both.records.iter().map(|record| states(&robot, record)).collect();
+                    trend(&both.metric, &both.records, &states, &changes, &fit.residuals)
+                });
+                even
             });
         }
         for (taken, member) in case.taken.iter_mut().zip(&fit.members) {

@@ -21,6 +21,7 @@ mod opening;
 mod prepared;
 mod suspected;
 mod taken;
+mod trend;
 mod usable;
 mod validation_gap;
 mod verified;

@@ -2,6 +2,7 @@
 
 use super::TINY;
 use super::evenness::Evenness;
+use super::trend::Trend;
 use crate::floor::Floor;
 use crate::hypothesis::LOST;
 use crate::select::{Finalist, Stop};
@@ -22,6 +23,8 @@ pub(super) struct Taken {
     pub tiny: bool,
     /// How far its size differs from window to window; unknown when few windows tell it.
     pub evenness: Option<Evenness>,
+    /// What its size goes with, where it differs.
+    pub trend: Option<Trend>,
     /// What it gains on all open runs but for the window that gains most; unknown until they are fitted.
     pub but_best: Option<f64>,
     /// The intervals of all its sizes reach to no effect.
@@ -51,6 +54,7 @@ impl Taken {
             evenness: None,
             but_best: None,
             may_be_none: false,
+            trend: None,
             suspected: None,
         }
     }
@@ -71,8 +75,9 @@ impl Taken {
         // That both sides do not agree on its size is doubt enough.
         let is_reconciled = self.suspected.is_some() && !self.finalist.is_unshown;
         let uneven = self.uneven().filter(|_| !is_reconciled).map(|spread| {
+            let with = self.trend.map_or_else(String::new, |trend| format!(" ({})", trend.words()));
             format!(
-                "{name}: the size that explains most differs from stretch to stretch by {spread:.1} times itself, so a law of another kind may be behind it"
+                "{name}: the size that explains most differs from stretch to stretch by {spread:.1} times itself{with}, so a law of another kind may be behind it"
             )
         });
         let in_turn = self.finalist.is_in_turn.then(|| {
@@ -152,6 +157,7 @@ mod tests {
             evenness: None,
             but_best: None,
             may_be_none: false,
+            trend: None,
             suspected: None,
         }
     }

@@ -1,9 +1,9 @@
 //! Names are held against the gap of the validation runs as well, in which every channel and horizon counts. Of the residuals' energy, by
 //! which effects are found, a few loud moments may be most: a wheel that slips a little earlier than in the twin.
 
-use super::Case;
 use super::gap_table::explained_of_validation;
 use super::prepared::Prepared;
+use super::{Case, TINY};
 use crate::fit::{Member, with_members};
 use crate::hypothesis::Hypothesis;
 use crate::record::CLASSES;
@@ -98,9 +98,12 @@ pub(super) fn prefer(case: &Case, members: &[Member], stop: &mut Stop) {
         };
         with_members(&case.floor.model, &all)
     };
-    let rivals: Vec<usize> = core::iter::once(accepted)
+    let mut rivals: Vec<usize> = core::iter::once(accepted)
         .chain(stop.alternatives.iter().copied())
         .collect();
+    if !members.is_empty() {
+        by_size(&mut rivals, |position| stop.finalists[*position].size);
+    }
     let models: Vec<_> = rivals
         .iter()
         .map(|position| model(&stop.finalists[*position]))
@@ -114,6 +117,12 @@ pub(super) fn prefer(case: &Case, members: &[Member], stop: &mut Stop) {
     let (chosen, alternatives) = choice(&known);
     stop.accepted = Some(chosen);
     stop.alternatives = alternatives;
+}
+
+/// Those of a size that is a change come before those of one that would be calibration: where something has changed, references have calibrated what is
+/// small and the same.
+fn by_size(rivals: &mut [usize], size: impl Fn(&usize) -> f64) {
+    rivals.sort_by_key(|position| size(position) < TINY);
 }
 
 /// The preferred position and those that are alternatives to it.
@@ -163,6 +172,14 @@ mod tests {
         assert!(!takes(&old, &new, &noise), "a quarter of one");
         (old[2], new[2]) = (250.0, 210.0);
         assert!(!takes(&old, &new, &noise), "most of next to nothing");
+    }
+
+    #[test]
+    fn what_would_be_calibration_gives_way_to_a_change() {
+        let sizes = [0.6, 3.2, f64::INFINITY, 0.5];
+        let mut rivals = [0, 3, 1, 2];
+        by_size(&mut rivals, |position| sizes[*position]);
+        assert_eq!(rivals, [1, 2, 0, 3]);
     }
 
     #[test]

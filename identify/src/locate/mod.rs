@@ -1,6 +1,9 @@
 //! Where the gap is: channels, times, states, places.
 
 mod sentence;
+mod state;
+
+pub use state::{VARIABLES, Variable, states};
 
 use crate::floor::Floor;
 use crate::record::{CHANNELS, CLASSES, Place, Record};
@@ -68,29 +71,6 @@ const MAP_CELL_M: f64 = 0.2;
 /// Windows with this many times the floor's energy are segments of the gap.
 const LOUD: f64 = 3.0;
 
-/// A state variable that residuals are sorted by.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Variable {
-    Forward,
-    Left,
-    YawRate,
-    Command,
-    CommandChange,
-    Elapsed,
-    Heading,
-}
-
-/// All variables with their words and units.
-pub const VARIABLES: [(Variable, &str, &str); 7] = [
-    (Variable::Forward, "commanded forward speed", "m/s"),
-    (Variable::Left, "commanded left speed", "m/s"),
-    (Variable::YawRate, "commanded yaw rate", "rad/s"),
-    (Variable::Command, "largest wheel set-point", "rad/s"),
-    (Variable::CommandChange, "set-point change in 0.3 s", "rad/s"),
-    (Variable::Elapsed, "time since the start", "s"),
-    (Variable::Heading, "heading", "rad"),
-];
-
 /// One residual with its energy over the floor's and its state.
 struct Entry {
     place: Place,
@@ -126,54 +106,16 @@ fn entries(floor: &Floor, records: &[Record], residuals: &[Vec<f64>]) -> Vec<Ent
     };
     let mut entries = Vec::new();
     for (run, (record, residual)) in records.iter().zip(residuals).enumerate() {
-        let tracks: Vec<Vec<(f64, [f64; 5])>> = record
-            .windows
-            .iter()
-            .map(|window| {
-                let mut held = window.drive.held;
-                let mut history: Vec<(f64, f64)> = Vec::new();
-                let rows = window.drive.rows.iter();
-                rows.map(|row| {
-                    held.apply(&robot, row);
-                    let command = held.command();
-                    let twist = robot.twist_of_wheels(&command);
-                    let largest = command.wheel_rad_per_s.iter().fold(0.0_f64, |m, w| m.max(w.abs()));
-                    let sum: f64 = command.wheel_rad_per_s.iter().sum();
-                    history.push((row.time_s, sum));
-                    let old = history.partition_point(|(t, _)| *t < row.time_s - 0.3);
-                    let change = (sum - history[old.min(history.len() - 1)].1).abs();
-                    let state = [
-                        twist.forward_m_per_s,
-                        twist.left_m_per_s,
-                        twist.yaw_rate_rad_per_s,
-                        largest,
-                        change,
-                    ];
-                    (row.time_s, state)
-                })
-                .collect()
-            })
-            .collect();
+        let states = states(&robot, record);
         let weights = floor.noise.weights(record);
-        for ((place, value), weight) in record.places().into_iter().zip(residual).zip(weights) {
+        let places = record.places().into_iter().zip(states);
+        for (((place, state), value), weight) in places.zip(residual).zip(weights) {
             let Some(quantity) = place.quantity else { continue };
-            let track = &tracks[place.window];
-            let at = track.partition_point(|(t, _)| *t < place.time_s).min(track.len() - 1);
-            let window = &record.windows[place.window];
-            let [u, v, r, command, change] = track[at].1;
             entries.push(Entry {
                 energy: weight * floor.noise.classes[quantity.class()].correlation * value * value,
                 residual: *value,
                 run,
-                state: [
-                    u,
-                    v,
-                    r,
-                    command,
-                    change,
-                    window.elapsed_s + place.time_s - window.start_s,
-                    twin::pose::wrapped_rad(window.start.pose.yaw_rad),
-                ],
+                state,
                 place,
             });
         }
