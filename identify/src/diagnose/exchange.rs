@@ -110,10 +110,13 @@ impl Exchange<'_> {
         for place in 0..earlier {
             let others = without(members, place);
             let Some(alone) = self.of_round(&others)? else { continue };
-            let scores = scores_beside(self.workers, &alone.round(self, &others), self.kept)?;
+            let round = alone.round(self, &others);
+            let scores = scores_beside(self.workers, &round, self.kept)?;
             let is_own = |position: usize| is_same(&candidates[position], &members[place].candidate);
             let own = (0..scores.len()).find(|position| is_own(*position));
-            let least = own.map_or(f64::INFINITY, |own| SHOWS_AS_MUCH * scores[own].gain);
+            // Of a large effect slopes say little; what it explains is known.
+            let known = self.gain_in_place(&round, members)?;
+            let least = own.map_or(f64::INFINITY, |own| SHOWS_AS_MUCH * scores[own].gain.max(known));
             let is_tried = |position: usize| {
                 let mut here = trials.iter().filter(|trial| trial.place == place);
                 here.any(|trial| is_same(&candidates[position], &trial.rival.member().candidate))
@@ -140,6 +143,21 @@ impl Exchange<'_> {
             }));
         }
         Ok(())
+    }
+
+    /// What all names gain on the windows that candidates are screened on over those of a round, scaled to all windows.
+    fn gain_in_place(&self, without: &Round, members: &[Member]) -> Result<f64, Cancelled> {
+        let side = &without.coarse;
+        let model = with_members(self.problem.base, members);
+        let simulated = all_residuals(self.workers, side.records, &model)?;
+        let simulated: Option<Vec<Vec<f64>>> = simulated.into_iter().collect();
+        let energy = |residuals: &[Vec<f64>]| {
+            let vectors = residuals.iter().map(Vec::as_slice).collect();
+            side.metric.gram(&[vectors]).at(0, 0)
+        };
+        Ok(simulated.map_or(f64::INFINITY, |with| {
+            (energy(side.residuals) - energy(&with)) / without.share()
+        }))
     }
 
     /// What takes the place of a name; `None` when it would not have passed a round.

@@ -16,7 +16,7 @@ const ADDS: f64 = 0.01;
 /// Or so much of the energy beyond the noise that the others leave on the validation runs: the gap counts only channels on which much is wrong, and a first
 /// effect may be all of that. A rest of its law is spread over more than one effect takes.
 const ADDS_OF_REST: f64 = 0.5;
-/// Or so much of it on one channel: what is left on others may be of something else.
+/// Or, when it is more than calibration, so much of it on one channel: what is left on others may be of something else.
 const ADDS_OF_CHANNEL: f64 = 1.0 / 3.0;
 /// The gap that is left may grow by this share of itself then.
 const GROWS: f64 = 0.05;
@@ -46,7 +46,8 @@ pub(super) fn adds_nothing(
         return Ok(None);
     };
     let least = old - ADDS.max(GROWS * (1.0 - old));
-    let adds = new >= old + ADDS || new >= least && takes_the_rest(workers, validation, &models[1])?;
+    let is_change = after.last().is_some_and(|own| own.candidate.size(&own.values) >= TINY);
+    let adds = new >= old + ADDS || new >= least && takes_the_rest(workers, validation, &models[1], is_change)?;
     Ok((!adds).then(|| {
         format!(
             "of the gap of the validation runs {:.1} % is explained with it and {:.1} % without",
@@ -57,7 +58,14 @@ pub(super) fn adds_nothing(
 }
 
 /// Whether a model explains much of what the present one leaves beyond the noise, in all or on one channel.
-fn takes_the_rest(workers: &dyn Workers, validation: &Prepared, model: &Hypothesis) -> Result<bool, Cancelled> {
+///
+/// - `by_channel`: one channel is enough.
+fn takes_the_rest(
+    workers: &dyn Workers,
+    validation: &Prepared,
+    model: &Hypothesis,
+    by_channel: bool,
+) -> Result<bool, Cancelled> {
     let simulated = all_residuals(workers, &validation.records, model)?;
     let Some(changed) = simulated.into_iter().collect::<Option<Vec<Vec<f64>>>>() else {
         return Ok(false);
@@ -66,14 +74,15 @@ fn takes_the_rest(workers: &dyn Workers, validation: &Prepared, model: &Hypothes
     let kept = bounds.keep(&validation.metric, &validation.records, &validation.residuals, changed);
     let of = |residuals: &[Vec<f64>]| energies(&validation.metric, &validation.records, residuals);
     let (old, new) = (of(&validation.residuals), of(&kept.residuals));
-    Ok(takes(&old, &new, &expected(&validation.metric)))
+    Ok(takes(&old, &new, &expected(&validation.metric), by_channel))
 }
 
 /// - `noise`: energies without any gap.
-fn takes(old: &Energies, new: &Energies, noise: &Energies) -> bool {
+fn takes(old: &Energies, new: &Energies, noise: &Energies, by_channel: bool) -> bool {
     let sum = |energies: &Energies| energies.iter().sum::<f64>();
     let all = is_most(sum(old), sum(new), sum(noise), ADDS_OF_REST);
-    all || (0..CLASSES).any(|class| is_most(old[class], new[class], noise[class], ADDS_OF_CHANNEL))
+    let channel = |class: usize| is_most(old[class], new[class], noise[class], ADDS_OF_CHANNEL);
+    all || by_channel && (0..CLASSES).any(channel)
 }
 
 /// - `noise`: it is uncertain by its own scatter, so that a part of a small rest says nothing.
@@ -167,11 +176,15 @@ mod tests {
         (old[0], old[2]) = (900.0, 600.0);
         let mut new = old;
         new[2] = 420.0;
-        assert!(takes(&old, &new, &noise), "45 % of what is left on one, 16 % of all");
+        assert!(
+            takes(&old, &new, &noise, true),
+            "45 % of what is left on one, 16 % of all"
+        );
+        assert!(!takes(&old, &new, &noise, false), "calibration");
         new[2] = 500.0;
-        assert!(!takes(&old, &new, &noise), "a quarter of one");
+        assert!(!takes(&old, &new, &noise, true), "a quarter of one");
         (old[2], new[2]) = (250.0, 210.0);
-        assert!(!takes(&old, &new, &noise), "most of next to nothing");
+        assert!(!takes(&old, &new, &noise, true), "most of next to nothing");
     }
 
     #[test]

@@ -97,7 +97,7 @@ impl Round<'_> {
     }
 
     /// Residuals of the windows that candidates are screened on, as a share of all.
-    pub(super) fn share(&self) -> f64 {
+    pub fn share(&self) -> f64 {
         let count = |side: &Side| side.residuals.iter().map(Vec::len).sum::<usize>().max(1) as f64;
         count(&self.coarse) / count(&self.train)
     }
