@@ -13,7 +13,7 @@ use super::louder::{louder, share_left};
 use super::nearest::{nearest, suspect, unchecked};
 use super::opening::ALIKE;
 use super::taken::Taken;
-use super::verified::{Verified, verified};
+use super::verified::{Verified, disagree_alone, verified};
 use super::{Case, DiagnoseError, Diagnosis, LIBRARY_VERSION};
 use crate::fit::{NORMAL_95, with_members};
 use crate::hypothesis::{Hypothesis, Knob, LOST, applies};
@@ -86,6 +86,11 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
     if effects.is_empty() && matches!(verdict, Verdict::Confirmed | Verdict::Partial | Verdict::Ambiguous) {
         verdict = Verdict::NoDiscrepancy;
     }
+    let is_quiet = verdict == Verdict::NoDiscrepancy && !case.floor.references.is_empty();
+    let unused_alone = disagree_alone(&gap).filter(|_| is_quiet);
+    if unused_alone.is_some() {
+        verdict = Verdict::Unexplained;
+    }
     if matches!(verdict, Verdict::Unexplained | Verdict::Partial) {
         let nearest = nearest(case, effects.is_empty());
         case.remarks.extend(nearest);
@@ -95,7 +100,8 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
     let place = located(case);
     let has_references = !case.floor.references.is_empty();
     let suspect = suspect(case).map(|finalist| finalist.member.candidate.entry.name);
-    let sentence = verdict_sentence(verdict, &effects, explained, &place.sentence, suspect, has_references);
+    let sentence = unused_alone
+        .unwrap_or_else(|| verdict_sentence(verdict, &effects, explained, &place.sentence, suspect, has_references));
     let report = Report {
         format: FORMAT.to_owned(),
         robot: case.floor.given.description.name.clone(),

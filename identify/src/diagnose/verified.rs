@@ -13,6 +13,9 @@ const GROWN: f64 = 0.1;
 /// Share that a single name must explain to be listed then.
 const WITHDRAWN: f64 = 0.1;
 
+/// An error of so many floors, for sure, is a disagreement whatever other runs say.
+const FAR: f64 = 3.0;
+
 /// What the unused runs say.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Verified {
@@ -68,6 +71,19 @@ pub(super) fn verified(gaps: &[Gap], explained: Option<f64>, names: usize, is_do
     }
 }
 
+/// What runs that were not used say against open ones that agree with the twin: a place that only they cross, a limit that only they reach.
+///
+/// - `gaps`: of the unused runs under the model that explains the open ones.
+pub(super) fn disagree_alone(gaps: &[Gap]) -> Option<String> {
+    let share = |gap: &Gap| gap.after / gap.floor.max(1e-300);
+    let far = gaps.iter().filter(|gap| gap.floor > 0.0 && gap.low > FAR * gap.floor);
+    let most = far.max_by(|a, b| share(a).total_cmp(&share(b)))?;
+    Some(format!(
+        "The open runs agree with the twin, the locked ones do not: {} {:.1} s ahead is off by {:.4} {} where references leave {:.4}. Diagnose them as open runs, with others locked.",
+        most.channel, most.horizon_s, most.after, most.unit, most.floor
+    ))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -104,6 +120,18 @@ mod tests {
         assert!(matches!(verified(&both, Some(-0.2), 1, false), Verified::Not(_)));
         assert!(matches!(verified(&both, Some(-0.2), 2, false), Verified::InPart(_)));
         assert!(matches!(verified(&[worse], None, 1, false), Verified::Not(_)));
+    }
+
+    #[test]
+    fn unused_runs_that_are_far_off_speak_although_the_open_ones_agree() {
+        let agrees = row("current", 0.09, 0.12, 0.12);
+        assert_eq!(disagree_alone(core::slice::from_ref(&agrees)), None);
+        let patch = row("pose", 0.004, 0.13, 0.13);
+        let mut unsure = patch.clone();
+        unsure.low = 0.011;
+        assert_eq!(disagree_alone(&[agrees.clone(), unsure]), None, "one moment of one run");
+        let words = disagree_alone(&[agrees, patch]).unwrap_or_default();
+        assert!(words.contains("pose 0.5 s ahead is off by 0.1300"), "{words}");
     }
 
     /// No row is worse for sure, all are a little.
