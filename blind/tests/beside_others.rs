@@ -1,21 +1,18 @@
-//! A second effect that shows on channels on which the first one left no gap is named beside it.
+//! Pairs of effects of which the second shows on other channels than the first, or the first is another's likeness until the second is known.
 
-use blind::set::{Set, Wish};
+use blind::set::{Driven, Set, Wish};
 use identify::diagnose::{Input, diagnose};
+use identify::report::Report;
 use identify::workers::Serial;
 
-/// A car of which the tracker is late, and whose track width moves motor currents and hardly anything else.
-const SEED: u64 = 330;
-const NUMBER: u64 = 1;
-
-#[test]
-fn a_track_width_is_named_beside_a_latency() {
+/// Runs of a set of pairs with their diagnosis, all but the first two effects unknown to it.
+fn diagnosed(seed: u64, number: u64, hidden: [&str; 2]) -> Report {
     let wish = Wish::named("pair").expect("a kind");
-    let driven = Set::new(SEED, NUMBER, &wish)
+    let driven: Driven = Set::new(seed, number, &wish)
         .and_then(|set| set.driven(0))
         .expect("runs");
-    let hidden: Vec<&str> = driven.known.iter().map(|known| known.drawn.name.as_str()).collect();
-    assert_eq!(hidden, ["localization_latency", "track_width"]);
+    let names: Vec<&str> = driven.known.iter().map(|known| known.drawn.name.as_str()).collect();
+    assert_eq!(names, hidden);
     let input = Input {
         references: driven.references,
         runs: driven.runs,
@@ -23,9 +20,39 @@ fn a_track_width_is_named_beside_a_latency() {
         model: None,
         seed: 1,
     };
-    let report = diagnose(&Serial, &input).expect("a diagnosis").report;
-    let named: Vec<&str> = report.effects.iter().map(|effect| effect.name.as_str()).collect();
-    assert_eq!(named, hidden);
+    diagnose(&Serial, &input).expect("a diagnosis").report
+}
+
+fn named(report: &Report) -> Vec<(&str, Option<usize>)> {
+    let effects = report.effects.iter();
+    effects.map(|effect| (effect.name.as_str(), effect.index)).collect()
+}
+
+/// A car of which the tracker is late, and whose track width moves motor currents and hardly anything else.
+#[test]
+fn a_track_width_is_named_beside_a_latency() {
+    let report = diagnosed(330, 1, ["localization_latency", "track_width"]);
+    assert_eq!(named(&report), [("localization_latency", None), ("track_width", None)]);
     let width = report.effects[1].parameters[0].value.unwrap_or(0.0);
     assert!((width + 0.0815).abs() < 0.01, "{width}");
+}
+
+/// A car with a toe of 0.0228 rad of a rear wheel and a marker turned by 0.0180 rad: alone an offset of the steering explains more than the toe, and
+/// the marker beside it is half as far off.
+#[test]
+fn a_toe_that_a_steering_offset_stood_in_for_is_named_beside_a_marker() {
+    let report = diagnosed(334, 6, ["wheel_misalignment", "marker_offset"]);
+    assert_eq!(
+        named(&report),
+        [("wheel_misalignment", Some(2)), ("marker_offset", None)]
+    );
+    let size = |effect: usize| report.effects[effect].parameters[0].value.unwrap_or(0.0);
+    assert!((size(0) - 0.0228).abs() < 0.004, "toe {}", size(0));
+    assert!((size(1) - 0.0180).abs() < 0.003, "yaw {}", size(1));
+    let others: Vec<&str> = report.effects[0]
+        .excluded
+        .iter()
+        .map(|other| other.name.as_str())
+        .collect();
+    assert!(others.contains(&"steering_offset"), "{others:?}");
 }
