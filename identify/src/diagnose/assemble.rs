@@ -87,11 +87,11 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
         verdict = Verdict::NoDiscrepancy;
     }
     let is_quiet = verdict == Verdict::NoDiscrepancy && !case.floor.references.is_empty();
-    let unused_alone = disagree_alone(&gap).filter(|_| is_quiet);
+    let unused_alone = disagree_alone(&gap, !case.input.locked.is_empty()).filter(|_| is_quiet);
     if unused_alone.is_some() {
         verdict = Verdict::Unexplained;
     }
-    if matches!(verdict, Verdict::Unexplained | Verdict::Partial) {
+    if matches!(verdict, Verdict::Unexplained | Verdict::Partial) && unused_alone.is_none() {
         let nearest = nearest(case, effects.is_empty());
         case.remarks.extend(nearest);
     }
@@ -302,12 +302,13 @@ fn named(case: &Case, is_proven: bool) -> Vec<NamedEffect> {
             .map(|other| Rejected {
                 name: other.member.candidate.entry.name.to_owned(),
                 because: other.because.clone().unwrap_or_else(|| {
-                    format!(
-                        "gains {:.0} at {}, {:.0} less",
-                        other.gain(),
-                        values_of(other),
-                        finalist.gain() - other.gain()
-                    )
+                    let less = finalist.gain() - other.gain();
+                    let (gain, values) = (other.gain(), values_of(other));
+                    if less >= 0.0 {
+                        format!("gains {gain:.0} at {values}, {less:.0} less")
+                    } else {
+                        format!("gained {gain:.0} at {values} while other names were missing")
+                    }
                 }),
             })
             .filter(|rejected| rejected.name != name && !alternatives.contains(&rejected.name))

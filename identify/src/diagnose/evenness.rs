@@ -10,7 +10,7 @@ use crate::record::Record;
 /// Windows with less evidence than this say nothing.
 const LEAST_EVIDENCE: f64 = 0.5;
 /// Fewest windows with evidence.
-const FEWEST: usize = 6;
+pub(super) const FEWEST: usize = 6;
 
 /// A size that differs from window to window by more than this share of itself, when windows differ by so much more than by chance, is
 /// that of no one law. What a healthy robot's twin is off by lets weak effects differ as much, hardly more than by chance.

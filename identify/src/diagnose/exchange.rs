@@ -7,7 +7,9 @@ use crate::fit::{Fit, Member, Problem, fit, with_members};
 use crate::floor::Metric;
 use crate::hypothesis::{Candidate, Hypothesis};
 use crate::screen::all_residuals;
-use crate::select::{Explained, Finalist, Round, Sensitivities, Side, in_place, scores_beside, slack_of};
+use crate::select::{
+    Explained, Finalist, Round, Sensitivities, Side, decrease, energies, in_place, scores_beside, slack_of,
+};
 use crate::workers::{Cancelled, Workers, gathered};
 
 /// A rival is tried when it alone gained this share of the winner's gain, and at most so many for each name.
@@ -28,7 +30,6 @@ pub(super) struct Exchange<'a> {
     pub coarse: &'a Prepared,
     pub validation: &'a Prepared,
     pub reference_metric: Option<&'a Metric>,
-    pub explained: &'a Explained,
     pub kept: &'a Sensitivities,
 }
 
@@ -89,13 +90,15 @@ impl Exchange<'_> {
             }
         }
         better.sort_by(|a, b| b.1.gain.total_cmp(&a.1.gain));
+        // Of the newest, which joined others.
+        let threshold = taken.last().map_or(f64::INFINITY, |newest| newest.threshold);
         for (trial, found) in better {
             let before = self.energy(&joint.members)?;
             let after = self.energy(&found.members)?;
             if !matches!((before, after), (Some(before), Some(after)) if after < before) {
                 continue;
             }
-            if let Some(rival) = self.judged(trial, &found, taken[trial.place].threshold)? {
+            if let Some(rival) = self.judged(trial, &found, &joint, threshold)? {
                 replace(&mut taken[trial.place], &rival);
                 return Ok(found);
             }
@@ -108,15 +111,17 @@ impl Exchange<'_> {
         let candidates = &self.case.candidates;
         let earlier = members.len().saturating_sub(1);
         for place in 0..earlier {
+            // Lost set-points are no candidate.
+            let Some(own) = self.position(&members[place].candidate) else {
+                continue;
+            };
             let others = without(members, place);
             let Some(alone) = self.of_round(&others)? else { continue };
             let round = alone.round(self, &others);
             let scores = scores_beside(self.workers, &round, self.kept)?;
-            let is_own = |position: usize| is_same(&candidates[position], &members[place].candidate);
-            let own = (0..scores.len()).find(|position| is_own(*position));
             // Of a large effect slopes say little; what it explains is known.
             let known = self.gain_in_place(&round, members)?;
-            let least = own.map_or(f64::INFINITY, |own| SHOWS_AS_MUCH * scores[own].gain.max(known));
+            let least = SHOWS_AS_MUCH * scores[own].gain.max(known);
             let is_tried = |position: usize| {
                 let mut here = trials.iter().filter(|trial| trial.place == place);
                 here.any(|trial| is_same(&candidates[position], &trial.rival.member().candidate))
@@ -156,24 +161,45 @@ impl Exchange<'_> {
             side.metric.gram(&[vectors]).at(0, 0)
         };
         Ok(simulated.map_or(f64::INFINITY, |with| {
-            (energy(side.residuals) - energy(&with)) / without.share()
+            let kept = side.bounds.keep(side.metric, side.records, side.residuals, with);
+            (energy(side.residuals) - energy(&kept.residuals)) / without.share()
         }))
     }
 
-    /// What takes the place of a name; `None` when it would not have passed a round.
-    fn judged(&self, trial: &Trial, found: &Fit, threshold: f64) -> Result<Option<Finalist>, Cancelled> {
+    fn position(&self, candidate: &Candidate) -> Option<usize> {
+        let mut all = self.case.candidates.iter();
+        all.position(|other| is_same(other, candidate))
+    }
+
+    /// What takes the place of a name; `None` when it would not have passed a round of the other names.
+    ///
+    /// - `joint`: with the name in its place.
+    /// - `threshold`: of an effect beside others.
+    fn judged(&self, trial: &Trial, found: &Fit, joint: &Fit, threshold: f64) -> Result<Option<Finalist>, Cancelled> {
         let position = match &trial.rival {
             Rival::Passed(finalist) => return Ok(Some((**finalist).clone())),
             Rival::Seen(position, _) => *position,
         };
-        let others = without(&found.members, trial.place);
-        let Some(beside) = self.of_round(&others)? else {
+        let Some(own) = self.position(&joint.members[trial.place].candidate) else {
             return Ok(None);
         };
-        let mut finalist = in_place(&beside.round(self, &others), found, trial.place, position, threshold);
+        // The others as they would be without either.
+        let Some(others) = fit(self.problem, without(&found.members, trial.place)) else {
+            return Ok(None);
+        };
+        let Some(beside) = self.of_round(&others.members)? else {
+            return Ok(None);
+        };
+        let of = |residuals: &[Vec<f64>]| energies(self.problem.metric, self.problem.records, residuals);
+        let round = Round {
+            explained: Explained {
+                gain: decrease(&of(self.problem.residuals), &of(&beside.train)),
+            },
+            ..beside.round(self, &others.members)
+        };
+        let rivals = [(found, position), (joint, own)];
+        let mut finalist = in_place(&round, rivals, trial.place, threshold);
         finalist.joint.clear();
-        // It has taken the name's place in every half-split.
-        finalist.stability = 1.0;
         Ok(Some(finalist).filter(|finalist| finalist.because.is_none()))
     }
 
@@ -243,7 +269,7 @@ impl Beside {
             model: &self.model,
             candidates: &about.case.candidates,
             members,
-            explained: about.explained.clone(),
+            explained: Explained::default(),
             seed: about.case.input.seed,
         }
     }

@@ -87,8 +87,9 @@ pub(super) fn finish(
             .collect();
         for (taken, nothing) in case.taken.iter_mut().zip(nothing) {
             taken.may_be_none = nothing;
-            // What is below its practical size, and by its interval may be none, is calibration.
-            taken.tiny |= nothing && taken.finalist.size < 1.0;
+            // What is below its practical size, and by its interval may be none, is calibration; losses are not.
+            let is_lost = taken.finalist.member.candidate.entry.name == LOST;
+            taken.tiny |= nothing && taken.finalist.size < 1.0 && !is_lost;
         }
         let after = with_members(&case.floor.model, &fit.members);
         let records: Vec<&Record> = both.records.iter().collect();

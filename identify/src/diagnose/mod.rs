@@ -448,7 +448,6 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
             coarse: coarse.as_ref().unwrap_or(&train),
             validation: &validation,
             reference_metric: reference_metric.as_ref(),
-            explained: &explained,
             kept: &kept,
         };
         let joint = about.best(&mut taken, joint)?;

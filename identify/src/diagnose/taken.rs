@@ -111,7 +111,7 @@ impl Taken {
 mod tests {
     use super::*;
     use crate::fit::Member;
-    use crate::hypothesis::{Excitation, candidates};
+    use crate::hypothesis::{Excitation, candidates, lost_set_points};
 
     const OFFSET: &str = "center_of_mass_offset";
 
@@ -192,6 +192,22 @@ mod tests {
         assert_eq!(load.doubts().len(), 1, "runs may have had other loads");
     }
 
+    /// Held set-points that are placed where they explain most explain other faults as well.
+    #[test]
+    fn losses_of_which_there_may_be_none_are_doubted_whatever_they_gain() {
+        let Some(candidate) = lost_set_points(&twin::golden::reference_robot("diff2")) else {
+            panic!("a robot with set-points may lose them");
+        };
+        let mut losses = taken(OFFSET, 200.0);
+        losses.finalist.member = Member {
+            values: vec![0.3, 0.03],
+            candidate,
+        };
+        assert!(losses.doubts().is_empty());
+        losses.may_be_none = true;
+        assert!(matches!(&losses.doubts()[..], [doubt] if doubt.contains("there may be none of it")));
+    }
+
     #[test]
     fn a_size_that_differs_from_stretch_to_stretch_is_doubted_once() {
         let uneven = Taken {
@@ -201,7 +217,17 @@ mod tests {
             }),
             ..taken(OFFSET, 2.0)
         };
-        assert!(matches!(&uneven.doubts()[..], [doubt] if doubt.contains("0.8 times itself")));
+        assert!(matches!(&uneven.doubts()[..], [doubt] if doubt.contains("0.8 times itself, so")));
+        let with_speed = Taken {
+            trend: Some(Trend {
+                variable: 0,
+                slope: 0.3,
+            }),
+            ..uneven.clone()
+        };
+        assert!(
+            matches!(&with_speed.doubts()[..], [doubt] if doubt.contains("(it grows with the commanded forward speed), so"))
+        );
         let reconciled = Taken {
             suspected: Some("is at an end".to_owned()),
             ..uneven

@@ -3,6 +3,7 @@
 //! A score test of a size that is 1 + b z of itself, z being a state variable; its variance is that between windows ("sandwich":
 //! White, A heteroskedasticity-consistent covariance matrix estimator, 1980), so that it knows no noise.
 
+use super::evenness::FEWEST;
 use crate::floor::Metric;
 use crate::locate::{VARIABLES, Variable};
 use crate::record::Record;
@@ -11,8 +12,6 @@ use crate::record::Record;
 /// and fifty (chi-squared of one): six are asked.
 const STEEP: f64 = 0.1;
 const SURE: f64 = 7.4;
-/// Fewest windows that say anything.
-const FEWEST: usize = 6;
 
 /// How a size goes with a state variable.
 #[derive(Debug, Clone, Copy, PartialEq)]

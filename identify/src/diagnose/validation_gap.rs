@@ -45,9 +45,12 @@ pub(super) fn adds_nothing(
     let Some([old, new]) = explained.and_then(|explained| <[f64; 2]>::try_from(explained).ok()) else {
         return Ok(None);
     };
-    let least = old - ADDS.max(GROWS * (1.0 - old));
     let is_change = after.last().is_some_and(|own| own.candidate.size(&own.values) >= TINY);
-    let adds = new >= old + ADDS || new >= least && takes_the_rest(workers, validation, &models[1], is_change)?;
+    let ask = Asked {
+        of_all: new >= old - ADDS,
+        of_channel: is_change && new >= old - ADDS.max(GROWS * (1.0 - old)),
+    };
+    let adds = new >= old + ADDS || takes_the_rest(workers, validation, &models[1], ask)?;
     Ok((!adds).then(|| {
         format!(
             "of the gap of the validation runs {:.1} % is explained with it and {:.1} % without",
@@ -57,15 +60,23 @@ pub(super) fn adds_nothing(
     }))
 }
 
+/// What counts of the energy that an effect takes: by how much the gap grows, and by its size.
+#[derive(Debug, Clone, Copy)]
+struct Asked {
+    of_all: bool,
+    of_channel: bool,
+}
+
 /// Whether a model explains much of what the present one leaves beyond the noise, in all or on one channel.
-///
-/// - `by_channel`: one channel is enough.
 fn takes_the_rest(
     workers: &dyn Workers,
     validation: &Prepared,
     model: &Hypothesis,
-    by_channel: bool,
+    ask: Asked,
 ) -> Result<bool, Cancelled> {
+    if !ask.of_all && !ask.of_channel {
+        return Ok(false);
+    }
     let simulated = all_residuals(workers, &validation.records, model)?;
     let Some(changed) = simulated.into_iter().collect::<Option<Vec<Vec<f64>>>>() else {
         return Ok(false);
@@ -74,15 +85,15 @@ fn takes_the_rest(
     let kept = bounds.keep(&validation.metric, &validation.records, &validation.residuals, changed);
     let of = |residuals: &[Vec<f64>]| energies(&validation.metric, &validation.records, residuals);
     let (old, new) = (of(&validation.residuals), of(&kept.residuals));
-    Ok(takes(&old, &new, &expected(&validation.metric), by_channel))
+    Ok(takes(&old, &new, &expected(&validation.metric), ask))
 }
 
 /// - `noise`: energies without any gap.
-fn takes(old: &Energies, new: &Energies, noise: &Energies, by_channel: bool) -> bool {
+fn takes(old: &Energies, new: &Energies, noise: &Energies, ask: Asked) -> bool {
     let sum = |energies: &Energies| energies.iter().sum::<f64>();
-    let all = is_most(sum(old), sum(new), sum(noise), ADDS_OF_REST);
+    let all = || is_most(sum(old), sum(new), sum(noise), ADDS_OF_REST);
     let channel = |class: usize| is_most(old[class], new[class], noise[class], ADDS_OF_CHANNEL);
-    all || by_channel && (0..CLASSES).any(channel)
+    ask.of_all && all() || ask.of_channel && (0..CLASSES).any(channel)
 }
 
 /// - `noise`: it is uncertain by its own scatter, so that a part of a small rest says nothing.
@@ -171,6 +182,13 @@ mod tests {
 
     #[test]
     fn an_effect_of_one_channel_is_not_asked_to_explain_another() {
+        let takes = |old: &Energies, new: &Energies, noise: &Energies, of_channel: bool| {
+            let ask = Asked {
+                of_all: true,
+                of_channel,
+            };
+            takes(old, new, noise, ask)
+        };
         let noise: Energies = core::array::from_fn(|_| 200.0);
         let mut old = noise;
         (old[0], old[2]) = (900.0, 600.0);
@@ -183,6 +201,14 @@ mod tests {
         assert!(!takes(&old, &new, &noise, false), "calibration");
         new[2] = 500.0;
         assert!(!takes(&old, &new, &noise, true), "a quarter of one");
+        new[0] = 300.0;
+        assert!(takes(&old, &new, &noise, false), "most of all");
+        let grown = Asked {
+            of_all: false,
+            of_channel: false,
+        };
+        assert!(!super::takes(&old, &new, &noise, grown), "with a gap that grows");
+        new[0] = old[0];
         (old[2], new[2]) = (250.0, 210.0);
         assert!(!takes(&old, &new, &noise, true), "most of next to nothing");
     }

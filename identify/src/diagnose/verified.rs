@@ -74,12 +74,18 @@ pub(super) fn verified(gaps: &[Gap], explained: Option<f64>, names: usize, is_do
 /// What runs that were not used say against open ones that agree with the twin: a place that only they cross, a limit that only they reach.
 ///
 /// - `gaps`: of the unused runs under the model that explains the open ones.
-pub(super) fn disagree_alone(gaps: &[Gap]) -> Option<String> {
+/// - `are_given`: whoever asked told which runs to lock; the diagnosis kept them back otherwise.
+pub(super) fn disagree_alone(gaps: &[Gap], are_given: bool) -> Option<String> {
     let share = |gap: &Gap| gap.after / gap.floor.max(1e-300);
     let far = gaps.iter().filter(|gap| gap.floor > 0.0 && gap.low > FAR * gap.floor);
     let most = far.max_by(|a, b| share(a).total_cmp(&share(b)))?;
+    let runs = if are_given {
+        "locked ones"
+    } else {
+        "ones kept back for the gap table"
+    };
     Some(format!(
-        "The open runs agree with the twin, the locked ones do not: {} {:.1} s ahead is off by {:.4} {} where references leave {:.4}. Diagnose them as open runs, with others locked.",
+        "The runs that were searched agree with the twin, the {runs} do not: {} {:.1} s ahead is off by {:.4} {} where references leave {:.4}. Diagnose again with these among the runs and others locked.",
         most.channel, most.horizon_s, most.after, most.unit, most.floor
     ))
 }
@@ -125,13 +131,22 @@ mod tests {
     #[test]
     fn unused_runs_that_are_far_off_speak_although_the_open_ones_agree() {
         let agrees = row("current", 0.09, 0.12, 0.12);
-        assert_eq!(disagree_alone(core::slice::from_ref(&agrees)), None);
+        assert_eq!(disagree_alone(core::slice::from_ref(&agrees), true), None);
         let patch = row("pose", 0.004, 0.13, 0.13);
         let mut unsure = patch.clone();
         unsure.low = 0.011;
-        assert_eq!(disagree_alone(&[agrees.clone(), unsure]), None, "one moment of one run");
-        let words = disagree_alone(&[agrees, patch]).unwrap_or_default();
-        assert!(words.contains("pose 0.5 s ahead is off by 0.1300"), "{words}");
+        assert_eq!(
+            disagree_alone(&[agrees.clone(), unsure], true),
+            None,
+            "one moment of one run"
+        );
+        let words = |are_given| disagree_alone(&[agrees.clone(), patch.clone()], are_given).unwrap_or_default();
+        assert!(
+            words(true).contains("pose 0.5 s ahead is off by 0.1300"),
+            "{}",
+            words(true)
+        );
+        assert!(words(true).contains("locked ones") && words(false).contains("kept back"));
     }
 
     /// No row is worse for sure, all are a little.

@@ -181,3 +181,43 @@ fn a_size_is_sure_as_far_as_its_interval_says() {
         "intervals are not known: the values count"
     );
 }
+
+/// A load of two sizes beside a gyro's bias: what is said of the second is its own.
+#[test]
+fn what_a_fit_says_of_one_member_is_that_member_s() {
+    let all = crate::hypothesis::candidates(
+        &twin::golden::reference_robot("diff2"),
+        &crate::hypothesis::Excitation::default(),
+    );
+    let member = |name: &str, values: Vec<f64>| {
+        let candidate = all.iter().find(|candidate| candidate.entry.name == name);
+        Member {
+            candidate: candidate.cloned().expect("a candidate"),
+            values,
+        }
+    };
+    let mut covariance = Square::zero(3);
+    for axis in 0..3 {
+        covariance.set(axis, axis, [4.0, 9.0, 0.25][axis]);
+    }
+    let fit = Fit {
+        members: vec![member("payload", vec![3.0, 0.1]), member("gyro_bias", vec![0.02])],
+        gain: 5.0,
+        residuals: Vec::new(),
+        covariance,
+        free: vec![(0, 0), (0, 1), (1, 0)],
+        jacobian: (0..3).map(|axis| vec![vec![f64::from(axis)]]).collect(),
+        simulations: 1,
+        is_given_up: false,
+    };
+    let bias = fit.clone().only(1);
+    assert_eq!(bias.members[0].candidate.entry.name, "gyro_bias");
+    assert_eq!(
+        (&bias.free[..], &bias.jacobian[..]),
+        (&[(0, 0)][..], &[vec![vec![2.0]]][..])
+    );
+    assert!((bias.sigma(0, 0) - fit.sigma(1, 0)).abs() < 1e-15 && bias.sigma(0, 0) > 0.0);
+    let load = fit.clone().only(0);
+    assert_eq!(load.free, [(0, 0), (0, 1)]);
+    assert!((load.sigma(0, 1) - fit.sigma(0, 1)).abs() < 1e-15);
+}

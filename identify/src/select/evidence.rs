@@ -2,7 +2,7 @@
 
 use super::beyond::{beyond, sum};
 use super::in_turn::{in_turn, is_hardly_shown};
-use super::round::{BESIDE_OTHERS, Finalist, Fitted, Round, Side, VALIDATION_GAIN, difference, slices, weak_bar};
+use super::round::{Finalist, Fitted, Round, Side, VALIDATION_GAIN, difference, slices, weak_bar};
 use crate::fit::{Bounded, with_members};
 use crate::floor::{Floor, Metric};
 use crate::hypothesis::{Axis, Hypothesis};
@@ -119,12 +119,7 @@ fn law_rest(data: &Round, fitted: &Fitted, threshold: f64) -> Option<String> {
         return None;
     }
     let own = data.own_part(fitted);
-    let beside_others = if data.floor.references.is_empty() {
-        1.0
-    } else {
-        BESIDE_OTHERS
-    };
-    (own < threshold / beside_others).then(|| {
+    (own < threshold / data.thresholds_asked()).then(|| {
         format!(
             "all but {own:.0} of the {:.0} that it explains may be what the laws of the effects named so far leave where they act",
             fitted.fit.gain

@@ -1,8 +1,8 @@
 //! Candidates as they are seen beside names whose sizes are free: what stood in for one of them while others were missing explains
 //! less there than the one that acts.
 
-use super::evidence::judge;
-use super::round::{Finalist, Fitted, Round, Sensitivities, slices};
+use super::evidence::{judge, stability};
+use super::round::{Finalist, Fitted, MAJORITY, Round, Sensitivities, slices};
 use crate::fit::{Fit, Member, moved_one_by_one, with_members};
 use crate::linear::Square;
 use crate::record::Stages;
@@ -53,19 +53,33 @@ fn beside(gram: &Square, last: usize) -> Square {
     rest
 }
 
-/// A fit of all members and a candidate, judged as one of a round of these members.
+/// A fit of all members and a candidate, judged as one of a round of these members, with the share of half-splits in which it explains more
+/// than what stands there.
 ///
-/// - `fit`: of the round's members and the candidate at `place`, against the floor's model.
-/// - `position`: of the candidate.
-pub fn in_place(data: &Round, fit: &Fit, place: usize, position: usize, threshold: f64) -> Finalist {
+/// - `rivals`: fits of the round's members and a candidate at `place`, against the floor's model, with the candidates' positions: the one that
+///   is judged, and what stands there.
+pub fn in_place(data: &Round, rivals: [(&Fit, usize); 2], place: usize, threshold: f64) -> Finalist {
     let metric = data.train.metric;
     let energy = |residuals: &[Vec<f64>]| metric.gram(&[slices(residuals)]).at(0, 0);
-    let mut joint: Vec<Member> = fit.members.clone();
-    let own = joint.remove(place);
-    joint.push(own);
-    let mut fit = fit.clone().only(place);
-    fit.gain = energy(data.train.residuals) - energy(&fit.residuals);
-    judge(data, &Fitted { fit, position, joint }, threshold)
+    let fitted = rivals.map(|(fit, position)| {
+        let mut joint: Vec<Member> = fit.members.clone();
+        let own = joint.remove(place);
+        joint.push(own);
+        let mut fit = fit.clone().only(place);
+        fit.gain = energy(data.train.residuals) - energy(&fit.residuals);
+        Fitted { fit, position, joint }
+    });
+    let judged = fitted.each_ref().map(|fitted| judge(data, fitted, threshold));
+    let mut pairs: Vec<(Finalist, &Fitted)> = judged.into_iter().zip(&fitted).collect();
+    stability(data, &mut pairs);
+    let mut rival = pairs.swap_remove(0).0;
+    if rival.because.is_none() && rival.stability < MAJORITY {
+        let share = 100.0 * rival.stability;
+        rival.because = Some(format!(
+            "explains more than what stands there in {share:.0} % of the half-splits only"
+        ));
+    }
+    rival
 }
 
 #[cfg(test)]

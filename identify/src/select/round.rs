@@ -40,7 +40,7 @@ pub(super) const VALIDATION_GAIN: f64 = 6.6;
 const STABLE: f64 = 0.8;
 const RIVAL: f64 = 0.2;
 /// A winner without rivals that pass needs this share of them.
-const MAJORITY: f64 = 0.5;
+pub(super) const MAJORITY: f64 = 0.5;
 /// Cosine from which two effects are one to these runs.
 const SAME: f64 = 0.95;
 /// Difference of gains, as a share, that the laws' own inaccuracy makes.
@@ -49,7 +49,7 @@ pub(super) const LAW_SHARE: f64 = 0.02;
 const FAR_BEYOND: f64 = 3.0;
 /// An effect beside others needs this many thresholds: what their laws leave passes a threshold that knows chance alone. Of the part that
 /// these cannot have left one is enough. Without references several are expected.
-pub(super) const BESIDE_OTHERS: f64 = 1.5;
+const BESIDE_OTHERS: f64 = 1.5;
 
 /// Training and validation side of the data.
 pub struct Side<'a> {
@@ -82,6 +82,12 @@ pub struct Round<'a> {
 impl Round<'_> {
     pub(super) fn is_thinned(&self) -> bool {
         !core::ptr::eq(self.train.records, self.coarse.records)
+    }
+
+    /// Thresholds that a candidate needs.
+    pub(super) fn thresholds_asked(&self) -> f64 {
+        let is_alone = self.members.is_empty() || self.floor.references.is_empty();
+        if is_alone { 1.0 } else { BESIDE_OTHERS }
     }
 
     /// Part of a fitted candidate's gain on the training runs that cannot be what the laws of the named effects leave.
@@ -326,9 +332,8 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Sensitivities) -> R
     if list.is_empty() {
         return Ok(stop);
     }
-    let is_alone = data.members.is_empty() || data.floor.references.is_empty();
-    let beside_others = if is_alone { 1.0 } else { BESIDE_OTHERS };
-    let threshold = beside_others * threshold;
+    let is_alone = data.thresholds_asked() == 1.0;
+    let threshold = data.thresholds_asked() * threshold;
     stop.threshold = threshold;
     let (mut fitted, mut judged): (Vec<Fitted>, Vec<Finalist>) = (Vec::new(), Vec::new());
     for lists_left in (0..LISTS).rev() {
