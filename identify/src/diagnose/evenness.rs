@@ -28,6 +28,8 @@ pub(super) struct Evenness {
     pub spread: f64,
     /// Sum of squares of the windows' deviations over that of noise.
     pub surprise: f64,
+    /// Standard error of the mean size of all windows, noise and spread together, as a share of it.
+    pub of_mean: f64,
 }
 
 impl Evenness {
@@ -82,10 +84,12 @@ fn spread(windows: &[(f64, f64)]) -> Option<Evenness> {
         .map(|(evidence, deviation)| evidence * (deviation - mean) * (deviation - mean))
         .sum();
     let freedom = (windows.len() - 1) as f64;
-    let between = (around - freedom) / (total - squares / total).max(1e-300);
+    let between = ((around - freedom) / (total - squares / total).max(1e-300)).max(0.0);
+    let told: f64 = windows.iter().map(|window| 1.0 / (1.0 / window.0 + between)).sum();
     Some(Evenness {
-        spread: between.max(0.0).sqrt(),
+        spread: between.sqrt(),
         surprise: around / freedom,
+        of_mean: 1.0 / told.sqrt(),
     })
 }
 
@@ -109,6 +113,8 @@ mod tests {
                 (found.spread - between).abs() < 0.05 + 0.1 * between,
                 "{between}: {found:?}"
             );
+            let of_mean = ((0.01 + between * between) / 400.0).sqrt();
+            assert!((found.of_mean / of_mean - 1.0).abs() < 0.1, "{between}: {found:?}");
             assert_eq!(found.is_uneven(), between > 1.0, "{found:?}");
         }
         assert_eq!(spread(&windows(0.0)[..5]), None);
@@ -116,7 +122,14 @@ mod tests {
 
     #[test]
     fn a_law_that_is_a_little_other_is_told_where_evidence_is_plenty() {
-        let uneven = |spread: f64, surprise: f64| Evenness { spread, surprise }.is_uneven();
+        let uneven = |spread: f64, surprise: f64| {
+            Evenness {
+                spread,
+                surprise,
+                of_mean: 0.0,
+            }
+            .is_uneven()
+        };
         assert!(uneven(0.26, 40.0), "the square of speed as its first power");
         assert!(!uneven(0.23, 6.6), "friction with other corners");
         assert!(!uneven(0.05, 30.0), "a tyre of another curve");

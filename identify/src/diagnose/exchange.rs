@@ -7,9 +7,7 @@ use crate::fit::{Fit, Member, Problem, fit, with_members};
 use crate::floor::Metric;
 use crate::hypothesis::{Candidate, Hypothesis};
 use crate::screen::all_residuals;
-use crate::select::{
-    Explained, Finalist, Round, Sensitivities, Side, decrease, energies, in_place, scores_beside, slack_of,
-};
+use crate::select::{Explained, Finalist, Kept, Round, Side, decrease, energies, in_place, scores_beside, slack_of};
 use crate::workers::{Cancelled, Workers, gathered};
 
 /// A rival is tried when it alone gained this share of the winner's gain, and at most so many for each name.
@@ -30,7 +28,7 @@ pub(super) struct Exchange<'a> {
     pub coarse: &'a Prepared,
     pub validation: &'a Prepared,
     pub reference_metric: Option<&'a Metric>,
-    pub kept: &'a Sensitivities,
+    pub kept: &'a Kept,
 }
 
 /// Another effect in the place of a name.

@@ -82,14 +82,20 @@ pub(super) fn finish(
                 taken.tiny = taken.finalist.size < TINY;
             }
         }
-        let nothing: Vec<bool> = (0..fit.members.len())
-            .map(|position| may_be_none(case, position))
+        let nothing: Vec<[bool; 2]> = (0..fit.members.len())
+            .map(|position| {
+                let anywhere = may_be_none(case, position, |even| even.spread);
+                [anywhere, anywhere && may_be_none(case, position, |even| even.of_mean)]
+            })
             .collect();
-        for (taken, nothing) in case.taken.iter_mut().zip(nothing) {
+        let changes = case.taken.iter().filter(|taken| !taken.tiny).count();
+        for (taken, [nothing, on_average]) in case.taken.iter_mut().zip(nothing) {
             taken.may_be_none = nothing;
-            // What is below its practical size, and by its interval may be none, is calibration; losses are not.
+            // What is below its practical size, and by its interval may be none, is calibration; losses are not. Where something else has changed it is
+            // one only if there may be none of it on average: what every stretch may lack the whole of them may show.
             let is_lost = taken.finalist.member.candidate.entry.name == LOST;
-            taken.tiny |= nothing && taken.finalist.size < 1.0 && !is_lost;
+            let is_alone = changes == 1;
+            taken.tiny |= nothing && (is_alone || on_average) && taken.finalist.size < 1.0 && !is_lost;
         }
         let after = with_members(&case.floor.model, &fit.members);
         let records: Vec<&Record> = both.records.iter().collect();

@@ -2,7 +2,7 @@
 
 use crate::bundle::Bundle;
 use crate::errors::{Errors, POSE, Sample, add_poses, add_windows, rms};
-use crate::floor::{ClassNoise, Floor};
+use crate::floor::{ClassNoise, Floor, NoiseModel};
 use crate::gap::{CLOSE_ANCHOR_PERIOD_S, HORIZONS_S, RobotClock, end_to_end_with};
 use crate::hypothesis::Hypothesis;
 use crate::random::Random;
@@ -43,19 +43,51 @@ pub(super) fn gap_table(case: &Case, after: &Hypothesis) -> (Vec<Gap>, Option<f6
     gaps(case, &known, &errors(&case.floor, &arrived, &records, after))
 }
 
-/// Part of the gap of the validation runs that each model explains; unknown when there is none to speak of.
-pub(super) fn explained_of_validation(case: &Case, models: &[Hypothesis]) -> Vec<Option<f64>> {
-    let runs = case.input.runs.iter().zip(&case.records).zip(&case.roles);
-    let (bundles, records): (Vec<_>, Vec<_>) = runs
-        .filter(|(_, role)| **role == Role::Validation)
-        .map(|((run, record), _)| (case.arrived(record, &run.bundle), record))
-        .unzip();
-    let known = Known::new(case, &bundles, &records);
-    let explained = |model| gaps(case, &known, &errors(&case.floor, &bundles, &records, model)).1;
-    models.iter().map(explained).collect()
+/// Part of the gap of the validation runs that models explain, remembered while nothing but the model changes.
+#[derive(Default)]
+pub(super) struct ValidationGap {
+    /// Of the floor that it was asked with, and how many runs had set-points that never arrived.
+    asked: Option<(Hypothesis, NoiseModel, usize)>,
+    known: Known,
+    explained: Vec<(Hypothesis, Option<f64>)>,
+}
+
+impl ValidationGap {
+    /// Part that each model explains; unknown when there is none to speak of.
+    pub fn explained(&mut self, case: &Case, models: &[Hypothesis]) -> Vec<Option<f64>> {
+        let runs = case.input.runs.iter().zip(&case.records).zip(&case.roles);
+        let (bundles, records): (Vec<_>, Vec<_>) = runs
+            .filter(|(_, role)| **role == Role::Validation)
+            .map(|((run, record), _)| (case.arrived(record, &run.bundle), record))
+            .unzip();
+        let floor = &case.floor;
+        let is_alike = |asked: &(Hypothesis, NoiseModel, usize)| {
+            asked.0 == floor.model && asked.1 == floor.noise && asked.2 == case.arrived.len()
+        };
+        if !self.asked.as_ref().is_some_and(is_alike) {
+            self.asked = Some((floor.model.clone(), floor.noise.clone(), case.arrived.len()));
+            self.known = Known::new(case, &bundles, &records);
+            self.explained.clear();
+        }
+        let mut explained = Vec::with_capacity(models.len());
+        for model in models {
+            let before = self.explained.iter().find(|(other, _)| other == model);
+            let own = match before {
+                Some((_, explained)) => *explained,
+                None => {
+                    let own = gaps(case, &self.known, &errors(floor, &bundles, &records, model)).1;
+                    self.explained.push((model.clone(), own));
+                    own
+                }
+            };
+            explained.push(own);
+        }
+        explained
+    }
 }
 
 /// Errors under the floor's model, of the runs and of the references.
+#[derive(Default)]
 struct Known {
     before: Errors,
     references: Errors,

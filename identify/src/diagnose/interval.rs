@@ -14,10 +14,12 @@ const LAW_MOST: f64 = 0.04;
 const LIMIT_SHARE: f64 = 0.2;
 
 /// All sizes of a named effect may be none: their intervals reach to where it has no effect.
-pub(super) fn may_be_none(case: &Case, position: usize) -> bool {
+///
+/// - `uneven`: standard deviation of a size as a share of it, for what stretches differ by.
+pub(super) fn may_be_none(case: &Case, position: usize, uneven: impl Fn(&Evenness) -> f64) -> bool {
     let finalist = &case.taken[position].finalist;
     let candidate = &finalist.member.candidate;
-    let found = sizes(case, position, finalist);
+    let found = sizes_with(case, position, finalist, uneven);
     let mut pairs = candidate.axes.iter().zip(&found).filter(|(axis, _)| axis.carries_size);
     pairs.all(|(axis, found)| reaches_none(axis, found))
 }
@@ -29,8 +31,18 @@ fn reaches_none(axis: &Axis, found: &ParameterValue) -> bool {
     axis.neutral.is_finite() && low <= axis.neutral && axis.neutral <= high
 }
 
-/// Parameters of a named effect.
+/// Parameters of a named effect, as any stretch has them.
 pub(super) fn sizes(case: &Case, position: usize, finalist: &Finalist) -> Vec<ParameterValue> {
+    sizes_with(case, position, finalist, |even| even.spread)
+}
+
+fn sizes_with(
+    case: &Case,
+    position: usize,
+    finalist: &Finalist,
+    uneven: impl Fn(&Evenness) -> f64,
+) -> Vec<ParameterValue> {
+    let uneven = case.taken[position].evenness.as_ref().map_or(0.0, uneven);
     let width = NORMAL_95 * case.floor.inflation().sqrt();
     let member = &finalist.member;
     let axes = member.candidate.axes.iter().zip(&member.values).enumerate();
@@ -44,7 +56,7 @@ pub(super) fn sizes(case: &Case, position: usize, finalist: &Finalist) -> Vec<Pa
             .iter()
             .find(|(free, _)| *free == (position, a))
             .map_or(0.0, |(_, scatter)| *scatter);
-        let beyond = beyond_noise(axis, *value, case.law_rest, case.taken[position].evenness.as_ref());
+        let beyond = beyond_noise(axis, *value, case.law_rest, uneven);
         let fitted = match (member.candidate.entry.name == LOST, axis.carries_size) {
             (true, true) => case.lost_sigma,
             (true, false) => 0.0,
@@ -76,9 +88,9 @@ pub(super) fn sizes(case: &Case, position: usize, finalist: &Finalist) -> Vec<Pa
 ///
 /// - `law_rest`: what the fit leaves over, as a share of what it explains. An effect of another law leaves a rest, and its best size by
 ///   our law is off by about as much.
-/// - `evenness`: how far the size differs from stretch to stretch (prediction interval of random effects: Higgins, Thompson and
-///   Spiegelhalter 2009).
-fn beyond_noise(axis: &Axis, value: f64, law_rest: f64, evenness: Option<&Evenness>) -> f64 {
+/// - `uneven`: how far the size differs from stretch to stretch (prediction interval of random effects: Higgins, Thompson and
+///   Spiegelhalter 2009), or its mean for that (DerSimonian and Laird 1986), as a share.
+fn beyond_noise(axis: &Axis, value: f64, law_rest: f64, uneven: f64) -> f64 {
     if !axis.carries_size {
         return 0.0;
     }
@@ -88,8 +100,7 @@ fn beyond_noise(axis: &Axis, value: f64, law_rest: f64, evenness: Option<&Evenne
         LIMIT_SHARE * value.abs()
     };
     let law = LAW_LEAST + 0.5 * law_rest.min(LAW_MOST).sqrt();
-    let spread = evenness.map_or(0.0, |even| even.spread);
-    change * (law * law + spread * spread).sqrt()
+    change * (law * law + uneven * uneven).sqrt()
 }
 
 #[cfg(test)]
@@ -110,23 +121,19 @@ mod tests {
 
     #[test]
     fn laws_and_uneven_sizes_widen_an_interval_by_shares_of_the_change() {
-        let uneven = Evenness {
-            spread: 0.3,
-            surprise: 2.0,
-        };
         let close = |found: f64, wanted: f64| assert!((found - wanted).abs() < 1e-12, "{found}, {wanted}");
-        close(beyond_noise(&axis(1.0, true), 0.8, 0.0, None), 0.2 * 0.01);
-        close(beyond_noise(&axis(1.0, true), 0.8, 1.0, None), 0.2 * 0.11);
+        close(beyond_noise(&axis(1.0, true), 0.8, 0.0, 0.0), 0.2 * 0.01);
+        close(beyond_noise(&axis(1.0, true), 0.8, 1.0, 0.0), 0.2 * 0.11);
         close(
-            beyond_noise(&axis(1.0, true), 0.8, 1.0, Some(&uneven)),
+            beyond_noise(&axis(1.0, true), 0.8, 1.0, 0.3),
             0.2 * (0.11_f64 * 0.11 + 0.09).sqrt(),
         );
         // A limit changes by a share of itself; a place is no size.
         close(
-            beyond_noise(&axis(f64::INFINITY, true), 2.0, 0.0, Some(&uneven)),
+            beyond_noise(&axis(f64::INFINITY, true), 2.0, 0.0, 0.3),
             0.4 * (1e-4_f64 + 0.09).sqrt(),
         );
-        close(beyond_noise(&axis(1.0, false), 0.8, 1.0, Some(&uneven)), 0.0);
+        close(beyond_noise(&axis(1.0, false), 0.8, 1.0, 0.3), 0.0);
     }
 
     #[test]

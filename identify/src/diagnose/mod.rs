@@ -40,7 +40,7 @@ use crate::locate::{Located, locate};
 use crate::record::{Record, Stages};
 use crate::report::Report;
 use crate::screen::{Score, all_residuals};
-use crate::select::{Explained, Role, Round, Sensitivities, Stop, decrease, energies, roles, round};
+use crate::select::{Explained, Kept, Role, Round, Stop, decrease, energies, roles, round};
 use crate::workers::Workers;
 use absorb::absorb_one;
 use arrived::{Answer, Question};
@@ -48,6 +48,7 @@ use described::described;
 use energy::Energies;
 use exchange::Exchange;
 use final_fit::finish;
+use gap_table::ValidationGap;
 use louder::Compared;
 use opening::{ALIKE, Opening, otherwise_calibrated};
 use prepared::{Prepared, Whole, enough};
@@ -271,7 +272,8 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
         mut reference_metric,
     } = Opening::of(workers, case, stages)?;
     let mut members: Vec<Member> = Vec::new();
-    let mut kept = Sensitivities::default();
+    let mut kept = Kept::default();
+    let mut gap = ValidationGap::default();
     let mut explained = Explained::default();
     let mut stages = stages.to_vec();
     let mut is_asked_for_losses = false;
@@ -315,6 +317,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
         };
         if is_absorbed {
             kept.refuse(&stop);
+            kept.absorb();
             let model = with_members(&case.floor.model, &members);
             train.renew(workers, &case.floor, &model)?;
             validation.renew(workers, &case.floor, &model)?;
@@ -329,7 +332,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
             continue;
         }
         let mut stop = stop;
-        prefer(case, &members, &mut stop);
+        prefer(case, &mut gap, &members, &mut stop);
         let Some(accepted) = stop.accepted.filter(|_| members.len() < MOST_EFFECTS) else {
             let threshold = stop.threshold;
             case.last = Some(stop);
@@ -410,7 +413,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
         }
         // Of long data the exact fit takes longest: what adds nothing by that of some windows is not worth it.
         let early = match coarse {
-            Some(_) => adds_nothing(workers, case, &validation, &before.0, &members)?,
+            Some(_) => adds_nothing(workers, case, &mut gap, &validation, [&before.0, &members])?,
             None => None,
         };
         if let Some(because) = early {
@@ -452,7 +455,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
         };
         let joint = about.best(&mut taken, joint)?;
         case.taken = taken;
-        if let Some(because) = adds_nothing(workers, case, &validation, &before.0, &joint.members)? {
+        if let Some(because) = adds_nothing(workers, case, &mut gap, &validation, [&before.0, &joint.members])? {
             (members, case.taken) = before;
             stop.finalists[accepted].because = Some(because);
             kept.refuse(&stop);

@@ -214,6 +214,7 @@ mod tests {
             evenness: Some(Evenness {
                 spread: 0.8,
                 surprise: 9.0,
+                of_mean: 0.1,
             }),
             ..taken(OFFSET, 2.0)
         };

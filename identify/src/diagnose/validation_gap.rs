@@ -1,7 +1,7 @@
 //! Names are held against the gap of the validation runs as well, in which every channel and horizon counts. Of the residuals' energy, by
 //! which effects are found, a few loud moments may be most: a wheel that slips a little earlier than in the twin.
 
-use super::gap_table::explained_of_validation;
+use super::gap_table::ValidationGap;
 use super::prepared::Prepared;
 use super::{Case, TINY};
 use crate::fit::{Member, with_members};
@@ -30,18 +30,19 @@ const FAR_LESS: f64 = 0.25;
 /// Why an effect beside others is none: it leaves the gap as it is.
 ///
 /// - `validation`: under the model without it.
+/// - `before`, `after`: what is in the model without it and with it.
 pub(super) fn adds_nothing(
     workers: &dyn Workers,
     case: &Case,
+    gap: &mut ValidationGap,
     validation: &Prepared,
-    before: &[Member],
-    after: &[Member],
+    [before, after]: [&[Member]; 2],
 ) -> Result<Option<String>, Cancelled> {
     if before.is_empty() {
         return Ok(None);
     }
     let models = [before, after].map(|members| with_members(&case.floor.model, members));
-    let explained: Option<Vec<f64>> = explained_of_validation(case, &models).into_iter().collect();
+    let explained: Option<Vec<f64>> = gap.explained(case, &models).into_iter().collect();
     let Some([old, new]) = explained.and_then(|explained| <[f64; 2]>::try_from(explained).ok()) else {
         return Ok(None);
     };
@@ -105,7 +106,7 @@ fn is_most(old: f64, new: f64, noise: f64, share: f64) -> bool {
 /// Chooses among the accepted effect and those that the residuals cannot tell from it.
 ///
 /// - `members`: what is named already.
-pub(super) fn prefer(case: &Case, members: &[Member], stop: &mut Stop) {
+pub(super) fn prefer(case: &Case, gap: &mut ValidationGap, members: &[Member], stop: &mut Stop) {
     let Some(accepted) = stop.accepted.filter(|_| !stop.alternatives.is_empty()) else {
         return;
     };
@@ -128,7 +129,7 @@ pub(super) fn prefer(case: &Case, members: &[Member], stop: &mut Stop) {
         .iter()
         .map(|position| model(&stop.finalists[*position]))
         .collect();
-    let explained = explained_of_validation(case, &models);
+    let explained = gap.explained(case, &models);
     let pairs = rivals.into_iter().zip(explained);
     let known: Option<Vec<(usize, f64)>> = pairs
         .map(|(position, explained)| Some((position, explained?)))

@@ -5,6 +5,7 @@
 //! together, once alike everywhere and once with the effect in the runs: an effect that is no better is the calibration's.
 
 use super::Floor;
+use super::calibrate::LEAST_GAIN;
 use super::otherwise::{BELIEVABLE, is_shown_in_harsh_moments};
 use crate::hypothesis::{Hypothesis, Knob, realised};
 use crate::record::{Record, Stages};
@@ -19,6 +20,8 @@ const STEPS: usize = 4;
 /// First damping of a step, and its factor after one that was too long.
 const DAMPING: f64 = 0.01;
 const SHORTER: f64 = 10.0;
+/// Laws are not linear: a fit may become likelier by this many times what its slopes promise.
+const HOPE: f64 = 4.0;
 /// What is held may move by, practical sizes.
 const HELD_TO: f64 = 1e-3;
 
@@ -61,14 +64,18 @@ impl Floor {
         let there = ((1.0 + practical * self.values[friction]) * scale - 1.0) / practical;
         let mut alike = Together::of(self, &open, runs, None);
         let mut moved = alike.clone();
-        alike.fit(workers, None)?;
-        moved.fit(workers, Some((k, there)))?;
+        let mut with = Together::of(self, &open, runs, Some(effect.clone()));
+        with.begin(workers)?;
+        // With the effect the runs can only become likelier still.
+        let goal = with.surprise() + least;
+        alike.fit(workers, None, |now, promised| now - HOPE * promised > goal)?;
+        moved.fit(workers, Some((k, there)), |now, promised| now - HOPE * promised > goal)?;
         if moved.surprise() < alike.surprise() {
             alike = moved;
         }
-        let mut with = Together::of(self, &open, runs, Some(effect.clone()));
-        with.fit(workers, None)?;
-        let apart = alike.surprise() - with.surprise();
+        let best = alike.surprise();
+        with.fit(workers, None, |now, _| best - now > least)?;
+        let apart = best - with.surprise();
         let is_believable = alike.floor.values[k].abs() <= BELIEVABLE;
         if !apart.is_finite() || apart > least || !is_believable {
             return Ok(None);
@@ -127,29 +134,70 @@ impl Together {
         Ok(all.into_iter().collect())
     }
 
+    /// Everything under the calibration where it stands; what cannot be simulated stays unknown.
+    fn begin(&mut self, workers: &dyn Workers) -> Result<(), Cancelled> {
+        if let Some(residuals) = self.simulated(workers, &self.floor.values)? {
+            self.floor.residuals = residuals;
+        }
+        Ok(())
+    }
+
     /// Turns the knobs as long as everything becomes likelier.
     ///
     /// - `first`: a knob and where it is until the others have been turned.
-    fn fit(&mut self, workers: &dyn Workers, first: Option<(usize, f64)>) -> Result<(), Cancelled> {
+    /// - `is_decided`: of the surprise now and what slopes promise to take from it, whether more turning changes no answer.
+    fn fit(
+        &mut self,
+        workers: &dyn Workers,
+        first: Option<(usize, f64)>,
+        is_decided: impl Fn(f64, f64) -> bool,
+    ) -> Result<(), Cancelled> {
         if let Some((k, value)) = first {
             self.floor.values[k] = value;
         }
-        let Some(residuals) = self.simulated(workers, &self.floor.values)? else {
+        self.begin(workers)?;
+        if self.floor.residuals.is_empty() {
             return Ok(());
-        };
-        self.floor.residuals = residuals;
+        }
         for time in 0..LINEARISATIONS {
             let held: Vec<(usize, f64)> = first.filter(|_| time == 0).into_iter().collect();
+            // Far from where the knobs belong the first slopes promise little of what there is to come.
+            if is_decided(self.surprise(), f64::INFINITY) {
+                break;
+            }
             self.linearise(workers)?;
+            if time > 0 && is_decided(self.surprise(), self.promised()) {
+                break;
+            }
             let mut damping = DAMPING;
             for _ in 0..STEPS {
-                damping = match self.take(workers, &held, damping)? {
+                let before = self.surprise();
+                let is_taken = self.take(workers, &held, damping)?;
+                if is_taken && before - self.surprise() < LEAST_GAIN {
+                    break;
+                }
+                damping = match is_taken {
                     true => (damping / SHORTER).max(DAMPING),
                     false => damping * SHORTER,
                 };
             }
         }
         Ok(())
+    }
+
+    /// What the slopes promise to take from the surprise.
+    fn promised(&self) -> f64 {
+        let floor = &self.floor;
+        let step = floor.step(&floor.residuals, &floor.values, &[], 0.0);
+        let values = floor.after(&step);
+        let turned: Vec<f64> = values.iter().zip(&floor.values).map(|(to, from)| to - from).collect();
+        let mut residuals = floor.residuals.clone();
+        for (knob, amount) in floor.sensitivities.iter().zip(&turned) {
+            for (residual, slope) in residuals.iter_mut().flatten().zip(knob.iter().flatten()) {
+                *residual -= amount * slope;
+            }
+        }
+        self.surprise() - floor.surprise(&residuals, &values)
     }
 
     fn linearise(&mut self, workers: &dyn Workers) -> Result<(), Cancelled> {

@@ -16,7 +16,7 @@ const ABOUT: f64 = 0.05;
 /// The best that are fitted together with what the model has.
 const FITTED_TOGETHER: usize = 3;
 
-/// Fits a short list, each candidate by itself and the best together with what the model has.
+/// Fits candidates, each by itself.
 pub(super) fn fits(
     workers: &dyn Workers,
     data: &Round,
@@ -63,21 +63,14 @@ pub(super) fn fits(
             let mut fit = fit?;
             // What others explain does not make it vain.
             fit.is_given_up &= problem.wanted_gain > least;
-            Some(Fitted {
-                fit,
-                position: *position,
-                joint: Vec::new(),
-            })
+            Some(Fitted::new(fit, *position))
         }));
     }
     let near = near_the_best(all);
-    let mut fitted = if data.is_thinned() {
-        evaluated(workers, data, &near, WANTED * threshold)?
-    } else {
-        near
-    };
-    together(workers, data, &mut fitted)?;
-    Ok(fitted)
+    match data.is_thinned() {
+        true => evaluated(workers, data, &near, WANTED * threshold),
+        false => Ok(near),
+    }
 }
 
 /// Of every candidate's starts those that led to about as much as its best: which of them is right other data tell.
@@ -118,19 +111,17 @@ fn evaluated(workers: &dyn Workers, data: &Round, fitted: &[Fitted], least: f64)
     })?;
     let pairs = fitted.iter().zip(fits);
     Ok(pairs
-        .filter_map(|(fitted, fit)| {
-            Some(Fitted {
-                fit: fit?,
-                position: fitted.position,
-                joint: Vec::new(),
-            })
-        })
+        .filter_map(|(fitted, fit)| Some(Fitted::new(fit?, fitted.position)))
         .collect())
 }
 
 /// Fits the best candidates together with what the model has: a member that stood in for the candidate makes room.
-fn together(workers: &dyn Workers, data: &Round, fitted: &mut [Fitted]) -> Result<(), Cancelled> {
+pub(super) fn together(workers: &dyn Workers, data: &Round, fitted: &mut [Fitted]) -> Result<(), Cancelled> {
     if data.members.is_empty() {
+        return Ok(());
+    }
+    let order = best_of_each(fitted);
+    if order.is_empty() {
         return Ok(());
     }
     let Some(residuals) = under_the_floor(workers, data, &data.train)? else {
@@ -150,18 +141,6 @@ fn together(workers: &dyn Workers, data: &Round, fitted: &mut [Fitted]) -> Resul
     };
     let energy = |residuals: &[Vec<f64>]| data.train.metric.gram(&[slices(residuals)]).at(0, 0);
     let now = energy(data.train.residuals);
-    let mut order: Vec<usize> = (0..fitted.len()).collect();
-    order.sort_by(|a, b| {
-        let (a, b) = (&fitted[*a], &fitted[*b]);
-        b.fit.gain.total_cmp(&a.fit.gain).then(a.position.cmp(&b.position))
-    });
-    let mut seen: Vec<usize> = Vec::new();
-    order.retain(|item| {
-        let is_new = !seen.contains(&fitted[*item].position);
-        seen.push(fitted[*item].position);
-        is_new
-    });
-    order.truncate(FITTED_TOGETHER);
     let results = gathered(workers, order.len(), &|item| {
         let mut members = data.members.to_vec();
         members.push(fitted[order[item]].fit.members[0].clone());
@@ -180,18 +159,38 @@ fn together(workers: &dyn Workers, data: &Round, fitted: &mut [Fitted]) -> Resul
         }
     })?;
     for (item, result) in order.into_iter().zip(results) {
+        let alone = &mut fitted[item];
+        alone.is_tried_together = true;
         let Some(mut joint) = result else { continue };
         let gain = now - energy(&joint.residuals);
-        let alone = &mut fitted[item];
         if gain > alone.fit.gain {
             alone.joint.clone_from(&joint.members);
             joint = joint.only(data.members.len());
             joint.gain = gain;
             joint.simulations += alone.fit.simulations;
             alone.fit = joint;
+            alone.finalist = None;
         }
     }
     Ok(())
+}
+
+/// The best fit of each of the candidates that gain most, but for those that have been fitted together with the others.
+fn best_of_each(fitted: &[Fitted]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..fitted.len()).collect();
+    order.sort_by(|a, b| {
+        let (a, b) = (&fitted[*a], &fitted[*b]);
+        b.fit.gain.total_cmp(&a.fit.gain).then(a.position.cmp(&b.position))
+    });
+    let mut seen: Vec<usize> = Vec::new();
+    order.retain(|item| {
+        let is_new = !seen.contains(&fitted[*item].position);
+        seen.push(fitted[*item].position);
+        is_new
+    });
+    order.truncate(FITTED_TOGETHER);
+    order.retain(|item| !fitted[*item].is_tried_together);
+    order
 }
 
 fn under_the_floor(workers: &dyn Workers, data: &Round, side: &Side) -> Result<Option<Vec<Vec<f64>>>, Cancelled> {
@@ -215,11 +214,7 @@ mod tests {
             simulations: 0,
             is_given_up: false,
         };
-        Fitted {
-            fit,
-            position,
-            joint: Vec::new(),
-        }
+        Fitted::new(fit, position)
     }
 
     #[test]

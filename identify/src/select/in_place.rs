@@ -2,7 +2,8 @@
 //! less there than the one that acts.
 
 use super::evidence::{judge, stability};
-use super::round::{Finalist, Fitted, MAJORITY, Round, Sensitivities, slices};
+use super::kept::Kept;
+use super::round::{Finalist, Fitted, MAJORITY, Round, slices};
 use crate::fit::{Fit, Member, moved_one_by_one, with_members};
 use crate::linear::Square;
 use crate::record::Stages;
@@ -12,7 +13,7 @@ use crate::workers::{Cancelled, Workers};
 /// What all candidates could explain beside the members of a round when these are fitted anew with them, to first order.
 ///
 /// - `kept`: sensitivities on the windows that candidates are screened on.
-pub fn scores_beside(workers: &dyn Workers, data: &Round, kept: &Sensitivities) -> Result<Vec<Score>, Cancelled> {
+pub fn scores_beside(workers: &dyn Workers, data: &Round, kept: &Kept) -> Result<Vec<Score>, Cancelled> {
     let moved = moved_one_by_one(data.members).into_iter().map(|members| Change {
         hypothesis: with_members(&data.floor.model, &members),
         added: 0,
@@ -67,7 +68,10 @@ pub fn in_place(data: &Round, rivals: [(&Fit, usize); 2], place: usize, threshol
         joint.push(own);
         let mut fit = fit.clone().only(place);
         fit.gain = energy(data.train.residuals) - energy(&fit.residuals);
-        Fitted { fit, position, joint }
+        Fitted {
+            joint,
+            ..Fitted::new(fit, position)
+        }
     });
     let judged = fitted.each_ref().map(|fitted| judge(data, fitted, threshold));
     let mut pairs: Vec<(Finalist, &Fitted)> = judged.into_iter().zip(&fitted).collect();

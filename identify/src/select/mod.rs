@@ -6,6 +6,7 @@ mod evidence;
 mod fits;
 mod in_place;
 mod in_turn;
+mod kept;
 mod law_rest;
 mod loud_starts;
 mod round;
@@ -14,7 +15,8 @@ mod suspect;
 
 pub use evidence::window_energies;
 pub use in_place::{in_place, scores_beside};
+pub use kept::Kept;
 pub use law_rest::{Energies, Explained, decrease, energies, expected};
-pub use round::{Finalist, Round, Sensitivities, Side, Stop, difference, round, slack_of};
+pub use round::{Finalist, Round, Side, Stop, difference, round, slack_of};
 pub use split::{Role, roles};
 pub use suspect::{PLACE, Question, Suspect};

@@ -3,7 +3,8 @@
 use twin::effect::Effect;
 
 use super::evidence::{judge, stability};
-use super::fits::fits;
+use super::fits::{fits, together};
+use super::kept::{Kept, remembered_of};
 use super::law_rest::{Explained, decrease, energies, expected};
 use super::loud_starts::add_loud_starts;
 use crate::fit::{Bounds, Fit, Member};
@@ -20,8 +21,6 @@ const LISTS: usize = 3;
 /// Beyond the first few, candidates with a smaller share of the best score are not fitted.
 const FITTED_ANYWAY: usize = 5;
 const WORTH_FITTING: f64 = 0.08;
-/// A candidate whose fit came to nothing is fitted again when its score has risen by this factor.
-const PROMISING: f64 = 1.5;
 /// So many are fitted when none is above the threshold.
 const WEAK_FITTED: usize = 3;
 /// Fits that cannot reach this share of the threshold are not finished.
@@ -198,79 +197,31 @@ impl Stop {
     }
 }
 
+#[derive(Debug)]
 pub(super) struct Fitted {
     pub fit: Fit,
     pub position: usize,
     pub joint: Vec<Member>,
+    /// It was fitted together with what the model has.
+    pub is_tried_together: bool,
+    /// What was judged of it.
+    pub finalist: Option<Finalist>,
 }
 
-/// Sensitivities of all candidates' columns on the training runs, `[column][record]`, kept from round to round.
-#[derive(Debug, Default)]
-pub struct Sensitivities {
-    columns: Vec<Vec<Vec<f64>>>,
-    /// Taken at the present model.
-    is_fresh: bool,
-    /// Candidates whose fits came to nothing, with the scores that promised more.
-    vain: Vec<(usize, f64)>,
-    /// The same of those that were fitted and refused since the last effect was accepted.
-    refused: Vec<(usize, f64)>,
-}
-
-impl Sensitivities {
-    pub(super) fn columns(&self) -> &[Vec<Vec<f64>>] {
-        &self.columns
-    }
-
-    /// The model has changed: good enough to see that nothing is left, not to choose with.
-    pub fn outdate(&mut self) {
-        self.is_fresh = false;
-        self.refused.clear();
-    }
-
-    /// Until an effect is accepted, what a round refused is fitted again only when much more of it is seen: the floor's model takes in
-    /// what it can from round to round, which changes little for the others.
-    pub fn refuse(&mut self, stop: &Stop) {
-        let refused = stop
-            .finalists
-            .iter()
-            .filter(|finalist| finalist.because.is_some() && !finalist.is_background());
-        self.refused
-            .extend(refused.map(|finalist| (finalist.position, stop.scores[finalist.position].gain)));
-    }
-
-    /// Nothing is left to accept or to take into the floor's model: what was refused before that model was complete is fitted once more.
-    /// Whether there is anything.
-    pub fn reconsider(&mut self) -> bool {
-        let is_any = !self.refused.is_empty();
-        self.refused.clear();
-        is_any
-    }
-
-    /// Candidates that are not looked at any more.
-    pub fn leave(&mut self, positions: &[usize]) {
-        self.vain
-            .extend(positions.iter().map(|position| (*position, f64::INFINITY)));
-    }
-
-    pub fn is_left(&self, position: usize) -> bool {
-        self.vain
-            .iter()
-            .any(|known| known.0 == position && known.1.is_infinite())
-    }
-
-    /// A fit came to nothing in an earlier round, and the score promises hardly more now.
-    fn is_vain(&self, position: usize, score: f64) -> bool {
-        let known = self
-            .vain
-            .iter()
-            .chain(&self.refused)
-            .filter(|known| known.0 == position);
-        known.map(|known| known.1).fold(0.0, f64::max) * PROMISING > score
+impl Fitted {
+    pub(super) fn new(fit: Fit, position: usize) -> Fitted {
+        Fitted {
+            fit,
+            position,
+            joint: Vec::new(),
+            is_tried_together: false,
+            finalist: None,
+        }
     }
 }
 
 /// Runs a round.
-pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Sensitivities) -> Result<Stop, Cancelled> {
+pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Kept) -> Result<Stop, Cancelled> {
     let mut gram = None;
     if !kept.columns.is_empty() {
         let old = products(data, data.coarse.metric, &kept.columns);
@@ -335,13 +286,22 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Sensitivities) -> R
     let is_alone = data.thresholds_asked() == 1.0;
     let threshold = data.thresholds_asked() * threshold;
     stop.threshold = threshold;
-    let (mut fitted, mut judged): (Vec<Fitted>, Vec<Finalist>) = (Vec::new(), Vec::new());
+    let mut fitted: Vec<Fitted> = Vec::new();
+    let mut remembered = core::mem::take(&mut kept.fitted);
     for lists_left in (0..LISTS).rev() {
-        let more = fits(workers, data, &list, &stop.scores, threshold)?;
+        let (mut more, unknown) = remembered_of(&mut remembered, &list);
+        more.extend(fits(workers, data, &unknown, &stop.scores, threshold)?);
+        together(workers, data, &mut more)?;
         stop.simulations += more.iter().map(|fitted| fitted.fit.simulations).sum::<usize>();
-        judged.extend(gathered(workers, more.len(), &|f| judge(data, &more[f], threshold))?);
+        let judged = gathered(workers, more.len(), &|f| match &more[f].finalist {
+            Some(finalist) => finalist.clone(),
+            None => judge(data, &more[f], threshold),
+        })?;
+        for (fitted, finalist) in more.iter_mut().zip(judged) {
+            fitted.finalist = Some(finalist);
+        }
         fitted.extend(more);
-        choose(data, &mut stop, &judged, &fitted);
+        choose(data, &mut stop, &fitted);
         list = further_list(data.candidates, &mut order, &list, &stop.scores, threshold);
         if stop.accepted.is_some() || !is_alone || lists_left == 0 || list.is_empty() {
             break;
@@ -355,12 +315,16 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Sensitivities) -> R
     for finalist in stop.finalists.iter().filter(is_unwanted) {
         kept.vain.push((finalist.position, stop.scores[finalist.position].gain));
     }
+    kept.fitted = fitted;
     Ok(stop)
 }
 
 /// Orders what was fitted by its gain, and accepts at most one, with the names that the data cannot tell from it.
-fn choose(data: &Round, stop: &mut Stop, judged: &[Finalist], fitted: &[Fitted]) {
-    let mut pairs: Vec<(Finalist, &Fitted)> = judged.iter().cloned().zip(fitted).collect();
+fn choose(data: &Round, stop: &mut Stop, fitted: &[Fitted]) {
+    let judged = fitted
+        .iter()
+        .filter_map(|fitted| Some((fitted.finalist.clone()?, fitted)));
+    let mut pairs: Vec<(Finalist, &Fitted)> = judged.collect();
     pairs.sort_by(|a, b| b.0.gain().total_cmp(&a.0.gain()).then(a.0.position.cmp(&b.0.position)));
     let mut seen: Vec<usize> = Vec::new();
     pairs.retain(|(finalist, _)| {
@@ -423,14 +387,19 @@ pub fn slack_of(floor: &Floor) -> impl Fn(f64) -> f64 {
     move |gain| chance + LAW_SHARE * gain
 }
 
-/// The best that passes; of those that the gain cannot tell from it the one with the fewest sizes, the choice of a wheel among them.
+/// The best that passes; of those that the gain cannot tell from it the one with the fewest sizes, the choice of a wheel among them, unless half-splits tell
+/// it from another.
 fn simplest(pairs: &[(Finalist, &Fitted)], slack: impl Fn(f64) -> f64) -> Option<usize> {
     let best = pairs.iter().position(|(finalist, _)| finalist.because.is_none())?;
     let best_gain = pairs[best].0.gain();
     let choices = |finalist: &Finalist| finalist.member.candidate.choices(&finalist.member.values);
     let near = |finalist: &Finalist| finalist.because.is_none() && best_gain - finalist.gain() < slack(best_gain);
+    let is_steady = pairs
+        .iter()
+        .any(|(finalist, _)| near(finalist) && finalist.stability >= STABLE);
+    let is_told_apart = |finalist: &Finalist| is_steady && finalist.stability < RIVAL;
     (0..pairs.len())
-        .filter(|position| near(&pairs[*position].0))
+        .filter(|position| near(&pairs[*position].0) && !is_told_apart(&pairs[*position].0))
         .min_by_key(|position| (choices(&pairs[*position].0), *position))
 }
 
@@ -511,20 +480,6 @@ mod tests {
     use super::*;
     use crate::hypothesis::{Excitation, candidates};
     use twin::golden::reference_robot;
-
-    #[test]
-    fn what_was_refused_is_heard_once_more_and_what_came_to_nothing_is_not() {
-        let mut kept = Sensitivities {
-            vain: vec![(5, 40.0)],
-            refused: vec![(3, 40.0)],
-            ..Sensitivities::default()
-        };
-        assert!(kept.is_vain(3, 50.0) && kept.is_vain(5, 50.0) && !kept.is_vain(4, 50.0));
-        assert!(!kept.is_vain(3, 61.0), "half as much again is seen of it");
-        assert!(kept.reconsider());
-        assert!(!kept.is_vain(3, 50.0) && kept.is_vain(5, 50.0));
-        assert!(!kept.reconsider(), "nothing is left to hear");
-    }
 
     /// Motors score best, the true one third of four: two wheels of an effect are all that a list takes.
     #[test]

@@ -1,0 +1,155 @@
+//! What is kept from round to round: sensitivities, and fits of a model that has not changed since.
+
+use super::round::{Finalist, Fitted, Stop};
+
+/// A candidate whose fit came to nothing is fitted again when its score has risen by this factor.
+const PROMISING: f64 = 1.5;
+
+/// Sensitivities of all candidates' columns on the training runs, what came of fits, and the fits of the present model.
+#[derive(Debug, Default)]
+pub struct Kept {
+    /// `[column][record]`.
+    pub(super) columns: Vec<Vec<Vec<f64>>>,
+    /// They are taken at the present model.
+    pub(super) is_fresh: bool,
+    /// Candidates whose fits came to nothing, with the scores that promised more.
+    pub(super) vain: Vec<(usize, f64)>,
+    /// The same of those that were fitted and refused since the last effect was accepted.
+    refused: Vec<(usize, f64)>,
+    /// Of the last round, while the model is the same.
+    pub(super) fitted: Vec<Fitted>,
+}
+
+impl Kept {
+    pub(super) fn columns(&self) -> &[Vec<Vec<f64>>] {
+        &self.columns
+    }
+
+    /// The model has changed: good enough to see that nothing is left, not to choose with.
+    pub fn outdate(&mut self) {
+        self.is_fresh = false;
+        self.refused.clear();
+        self.fitted.clear();
+    }
+
+    /// The floor's model has taken something in: what was fitted is fitted again.
+    pub fn absorb(&mut self) {
+        self.fitted.clear();
+    }
+
+    /// Until an effect is accepted, what a round refused is fitted again only when much more of it is seen: the floor's model takes in
+    /// what it can from round to round, which changes little for the others.
+    pub fn refuse(&mut self, stop: &Stop) {
+        let is_refused = |finalist: &&Finalist| finalist.because.is_some() && !finalist.is_background();
+        let refused = stop.finalists.iter().filter(is_refused);
+        self.refused
+            .extend(refused.map(|finalist| (finalist.position, stop.scores[finalist.position].gain)));
+    }
+
+    /// Nothing is left to accept or to take into the floor's model: what was refused before that model was complete is fitted once more.
+    /// Whether there is anything.
+    pub fn reconsider(&mut self) -> bool {
+        let is_any = !self.refused.is_empty();
+        self.refused.clear();
+        is_any
+    }
+
+    /// Candidates that are not looked at any more.
+    pub fn leave(&mut self, positions: &[usize]) {
+        self.vain
+            .extend(positions.iter().map(|position| (*position, f64::INFINITY)));
+    }
+
+    pub fn is_left(&self, position: usize) -> bool {
+        self.vain
+            .iter()
+            .any(|known| known.0 == position && known.1.is_infinite())
+    }
+
+    /// A fit came to nothing in an earlier round, and the score promises hardly more now.
+    pub(super) fn is_vain(&self, position: usize, score: f64) -> bool {
+        let known = self
+            .vain
+            .iter()
+            .chain(&self.refused)
+            .filter(|known| known.0 == position);
+        known.map(|known| known.1).fold(0.0, f64::max) * PROMISING > score
+    }
+}
+
+/// What is remembered of a list, and the candidates of it that are to be fitted: those of which nothing is, or of which a fit was given
+/// up for what others explained then.
+pub(super) fn remembered_of(remembered: &mut Vec<Fitted>, list: &[usize]) -> (Vec<Fitted>, Vec<usize>) {
+    let is_known = |position: usize| {
+        let mut own = remembered
+            .iter()
+            .filter(|fitted| fitted.position == position)
+            .peekable();
+        own.peek().is_some() && own.all(|fitted| !fitted.fit.is_given_up)
+    };
+    let (known, unknown): (Vec<usize>, Vec<usize>) = list.iter().partition(|position| is_known(**position));
+    let all = core::mem::take(remembered);
+    let (own, others) = all.into_iter().partition(|fitted| known.contains(&fitted.position));
+    *remembered = others;
+    (own, unknown)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::Fit;
+    use crate::linear::Square;
+
+    #[test]
+    fn what_was_refused_is_heard_once_more_and_what_came_to_nothing_is_not() {
+        let mut kept = Kept {
+            vain: vec![(5, 40.0)],
+            refused: vec![(3, 40.0)],
+            ..Kept::default()
+        };
+        assert!(kept.is_vain(3, 50.0) && kept.is_vain(5, 50.0) && !kept.is_vain(4, 50.0));
+        assert!(!kept.is_vain(3, 61.0), "half as much again is seen of it");
+        assert!(kept.reconsider());
+        assert!(!kept.is_vain(3, 50.0) && kept.is_vain(5, 50.0));
+        assert!(!kept.reconsider(), "nothing is left to hear");
+    }
+
+    #[test]
+    fn fits_are_remembered_until_something_is_taken_in_and_those_given_up_are_not() {
+        let fitted = |position: usize, is_given_up: bool| {
+            let fit = Fit {
+                members: Vec::new(),
+                gain: 10.0,
+                residuals: Vec::new(),
+                covariance: Square::zero(0),
+                free: Vec::new(),
+                jacobian: Vec::new(),
+                simulations: 0,
+                is_given_up,
+            };
+            Fitted::new(fit, position)
+        };
+        let all = || {
+            vec![
+                fitted(3, false),
+                fitted(3, false),
+                fitted(5, false),
+                fitted(5, true),
+                fitted(7, false),
+            ]
+        };
+        let mut remembered = all();
+        let (own, unknown) = remembered_of(&mut remembered, &[5, 3, 9]);
+        let positions = |of: &[Fitted]| of.iter().map(|fitted| fitted.position).collect::<Vec<_>>();
+        assert_eq!((positions(&own), unknown), (vec![3, 3], vec![5, 9]));
+        assert_eq!(positions(&remembered), [5, 5, 7]);
+        for forget in [Kept::outdate, Kept::absorb] {
+            let mut kept = Kept {
+                fitted: all(),
+                ..Kept::default()
+            };
+            forget(&mut kept);
+            assert!(kept.fitted.is_empty());
+        }
+    }
+}
