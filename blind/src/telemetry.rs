@@ -86,7 +86,7 @@ impl Texts {
         Ok(Run {
             path: path.to_owned(),
             sha256: hex(&hash.finalize()),
-            bundle: bundle.map_err(|error| anyhow!("{path}: {error}"))?,
+            bundle: bundle.map_err(|error| anyhow!("{path}: {error}"))?.from_start(),
         })
     }
 

@@ -70,7 +70,7 @@ pub fn parse(shown: String, files: Files) -> anyhow::Result<BundleFile> {
     Ok(BundleFile {
         path: shown,
         sha256,
-        bundle,
+        bundle: bundle.from_start(),
     })
 }
 

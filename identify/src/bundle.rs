@@ -62,6 +62,14 @@ pub struct Bundle {
 }
 
 impl Bundle {
+    /// The same with time stamps from the start of the run ([`Telemetry::from_start`]); remarks keep those of the file.
+    pub fn from_start(self) -> Bundle {
+        Bundle {
+            telemetry: self.telemetry.from_start(),
+            ..self
+        }
+    }
+
     /// Reads `run.json` text and telemetry as CSV bytes.
     ///
     /// - Errors: the first thing that cannot be meant, with line and column; see [`BundleError`].

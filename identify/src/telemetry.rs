@@ -8,6 +8,8 @@ use crate::channel::Channel;
 pub const MAX_ROWS: usize = 52_000_000;
 /// Most bytes of one telemetry file.
 pub const MAX_BYTES: usize = 2 << 30;
+/// Rows so far apart stay apart and in order when their time stamps are rounded to microseconds.
+const FAR_APART_S: f64 = 5e-6;
 
 /// Why a bundle cannot be used. Lines count from 1, the header included.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -68,6 +70,20 @@ impl Telemetry {
     /// Samples of a channel; `None` when absent.
     pub fn series(&self, channel: Channel) -> Option<&Series> {
         self.channels.get(&channel)
+    }
+
+    /// The same with time stamps that count from the first one, to the microsecond where rows are far enough apart: what is found must not depend on where
+    /// a recorder's clock begins, nor on the 0.2 us to which a double holds the seconds since 1970.
+    pub fn from_start(mut self) -> Telemetry {
+        let first_s = self.time_s.first().copied().unwrap_or(0.0);
+        let is_far_apart = self.time_s.windows(2).all(|pair| pair[1] - pair[0] > FAR_APART_S);
+        for time_s in &mut self.time_s {
+            *time_s -= first_s;
+            if is_far_apart {
+                *time_s = libm::round(*time_s * 1e6) / 1e6;
+            }
+        }
+        self
     }
 
     /// Reads CSV bytes (UTF-8, comma, header in the first line).
@@ -210,5 +226,36 @@ fn number(cell: &str) -> Result<f64, String> {
         )),
         Err(_) if cell.is_empty() => Err("empty".to_owned()),
         Err(_) => Err(format!("{cell:?} is not a number")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rows every 1/960 s, as their recorder wrote them.
+    fn recorded(origin_s: f64, period_s: f64) -> Telemetry {
+        Telemetry {
+            time_s: (0..960).map(|k| origin_s + f64::from(k) * period_s).collect(),
+            ..Telemetry::default()
+        }
+    }
+
+    #[test]
+    fn where_a_clock_begins_changes_no_time_from_the_start() {
+        let of = |origin_s: f64| recorded(origin_s, 1.0 / 960.0).from_start().time_s;
+        let from_zero = of(0.0);
+        assert_eq!(from_zero[0], 0.0);
+        assert_eq!(from_zero[1], 0.001042, "to the microsecond");
+        for origin_s in [-3.7, 12.345_678_9, 1.764e9, 1.764e9 + 0.1234567] {
+            assert_eq!(of(origin_s), from_zero, "{origin_s}");
+        }
+    }
+
+    #[test]
+    fn rows_that_are_close_are_not_rounded_together() {
+        let close = recorded(5.0, 1e-6).from_start().time_s;
+        assert!(close.windows(2).all(|pair| pair[1] > pair[0]));
+        assert!((close[959] - 959e-6).abs() < 1e-12);
     }
 }
