@@ -13,7 +13,7 @@ use super::louder::{louder, share_left};
 use super::nearest::{nearest, suspect, unchecked};
 use super::opening::ALIKE;
 use super::taken::Taken;
-use super::verified::{Verified, disagree_alone, verified};
+use super::verified::{Verified, disagree_alone, leaves, verified};
 use super::{Case, DiagnoseError, Diagnosis, LIBRARY_VERSION};
 use crate::fit::{NORMAL_95, with_members};
 use crate::hypothesis::{Hypothesis, Knob, LOST, applies};
@@ -60,7 +60,12 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
     if names > 0 {
         let is_doubted = case.taken.iter().any(|taken| !taken.tiny && !taken.doubts().is_empty());
         match verified(&gap, explained, names, is_doubted) {
-            Verified::Holds => {}
+            Verified::Holds => {
+                if let (Some(words), Verdict::Confirmed) = (leaves(&gap, explained), verdict) {
+                    case.remarks.push(words);
+                    verdict = Verdict::Partial;
+                }
+            }
             Verified::InPart(words) => {
                 case.remarks.push(format!("not proven: {words}"));
                 verdict = unproven(verdict);

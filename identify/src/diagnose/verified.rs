@@ -16,6 +16,9 @@ const WITHDRAWN: f64 = 0.1;
 /// An error of so many floors, for sure, is a disagreement whatever other runs say.
 const FAR: f64 = 3.0;
 
+/// An error of so many floors for sure, and [`FAR`] of them in all, is left of a gap.
+const SURELY_LEFT: f64 = 2.0;
+
 /// What the unused runs say.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Verified {
@@ -69,6 +72,29 @@ pub(super) fn verified(gaps: &[Gap], explained: Option<f64>, names: usize, is_do
     } else {
         Verified::InPart(words)
     }
+}
+
+/// What is left of the gap of unused runs although something was named: most of a row that is far from its floor. Names that are right do not make
+/// a report complete then.
+///
+/// - `explained`: overall fraction of the gap.
+pub(super) fn leaves(gaps: &[Gap], explained: Option<f64>) -> Option<String> {
+    if explained.is_some_and(|explained| explained >= PROVEN) {
+        return None;
+    }
+    let share = |gap: &Gap| gap.after / gap.floor.max(1e-300);
+    let is_left = |gap: &&Gap| {
+        let is_far = gap.floor > 0.0 && gap.after > FAR * gap.floor && gap.low > SURELY_LEFT * gap.floor;
+        is_far && gap.explained_fraction.is_some_and(|explained| explained < PROVEN)
+    };
+    let most = gaps
+        .iter()
+        .filter(is_left)
+        .max_by(|a, b| share(a).total_cmp(&share(b)))?;
+    Some(format!(
+        "something is missing: on runs that were not used {} {:.1} s ahead is off by {:.4} {} with what is named, where references leave {:.4}",
+        most.channel, most.horizon_s, most.after, most.unit, most.floor
+    ))
 }
 
 /// What runs that were not used say against open ones that agree with the twin: a place that only they cross, a limit that only they reach.
@@ -147,6 +173,30 @@ mod tests {
             words(true)
         );
         assert!(words(true).contains("locked ones") && words(false).contains("kept back"));
+    }
+
+    #[test]
+    fn a_gap_that_is_left_is_told_although_a_name_is_right() {
+        let mut left = row("yaw", 0.072, 0.45, 0.45);
+        (left.low, left.explained_fraction) = (0.17, Some(0.0));
+        let small = row("pose", 0.02, 0.03, 0.029);
+        let words = leaves(&[small.clone(), left.clone()], Some(0.05)).unwrap_or_default();
+        assert!(words.contains("yaw 0.5 s ahead is off by 0.4500"), "{words}");
+        assert_eq!(
+            leaves(core::slice::from_ref(&small), Some(0.05)),
+            None,
+            "near its floor"
+        );
+        assert_eq!(
+            leaves(core::slice::from_ref(&left), Some(0.7)),
+            None,
+            "most is explained"
+        );
+        let mut unsure = left.clone();
+        unsure.low = 0.1;
+        assert_eq!(leaves(&[unsure], Some(0.05)), None, "one moment of one run");
+        left.explained_fraction = Some(0.8);
+        assert_eq!(leaves(&[left], Some(0.4)), None, "this row is explained");
     }
 
     /// No row is worse for sure, all are a little.
