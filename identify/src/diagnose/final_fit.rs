@@ -3,6 +3,7 @@
 use super::evenness::{Evenness, evenness};
 use super::interval::may_be_none;
 use super::prepared::{Prepared, prepare};
+use super::taken::Taken;
 use super::trend::trend;
 use super::{Case, DiagnoseError, TINY, loudness};
 use crate::fit::{Member, Problem, fit, with_members};
@@ -88,14 +89,17 @@ pub(super) fn finish(
                 [anywhere, anywhere && may_be_none(case, position, |even| even.of_mean)]
             })
             .collect();
-        let changes = case.taken.iter().filter(|taken| !taken.tiny).count();
+        // What is below its practical size, and by its interval may be none, is calibration; losses are not. Beside what surely is a change it is one only if
+        // there may be none of it on average: what every stretch may lack, the whole of them may show.
+        let is_small = |taken: &Taken| taken.finalist.size < 1.0 && taken.finalist.member.candidate.entry.name != LOST;
+        let changes = case.taken.iter().zip(&nothing);
+        let is_beside = changes
+            .filter(|(taken, [nothing, _])| !taken.tiny && !(*nothing && is_small(taken)))
+            .count()
+            > 0;
         for (taken, [nothing, on_average]) in case.taken.iter_mut().zip(nothing) {
             taken.may_be_none = nothing;
-            // What is below its practical size, and by its interval may be none, is calibration; losses are not. Where something else has changed it is
-            // one only if there may be none of it on average: what every stretch may lack the whole of them may show.
-            let is_lost = taken.finalist.member.candidate.entry.name == LOST;
-            let is_alone = changes == 1;
-            taken.tiny |= nothing && (is_alone || on_average) && taken.finalist.size < 1.0 && !is_lost;
+            taken.tiny |= nothing && is_small(taken) && (on_average || !is_beside);
         }
         let after = with_members(&case.floor.model, &fit.members);
         let records: Vec<&Record> = both.records.iter().collect();

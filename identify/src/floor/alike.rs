@@ -5,7 +5,6 @@
 //! together, once alike everywhere and once with the effect in the runs: an effect that is no better is the calibration's.
 
 use super::Floor;
-use super::calibrate::LEAST_GAIN;
 use super::otherwise::{BELIEVABLE, is_shown_in_harsh_moments};
 use crate::hypothesis::{Hypothesis, Knob, realised};
 use crate::record::{Record, Stages};
@@ -66,10 +65,14 @@ impl Floor {
         let mut moved = alike.clone();
         let mut with = Together::of(self, &open, runs, Some(effect.clone()));
         with.begin(workers)?;
+        if !with.surprise().is_finite() {
+            return Ok(None);
+        }
         // With the effect the runs can only become likelier still.
         let goal = with.surprise() + least;
-        alike.fit(workers, None, |now, promised| now - HOPE * promised > goal)?;
-        moved.fit(workers, Some((k, there)), |now, promised| now - HOPE * promised > goal)?;
+        let is_hopeless = |now: f64, promised: f64| is_out_of_reach(now, promised, goal);
+        alike.fit(workers, None, is_hopeless)?;
+        moved.fit(workers, Some((k, there)), is_hopeless)?;
         if moved.surprise() < alike.surprise() {
             alike = moved;
         }
@@ -171,11 +174,7 @@ impl Together {
             }
             let mut damping = DAMPING;
             for _ in 0..STEPS {
-                let before = self.surprise();
                 let is_taken = self.take(workers, &held, damping)?;
-                if is_taken && before - self.surprise() < LEAST_GAIN {
-                    break;
-                }
                 damping = match is_taken {
                     true => (damping / SHORTER).max(DAMPING),
                     false => damping * SHORTER,
@@ -245,5 +244,27 @@ impl Together {
             (self.floor.values, self.floor.residuals) = (values, residuals);
         }
         Ok(is_likelier)
+    }
+}
+
+/// Whether slopes leave no hope that a surprise falls to a goal.
+fn is_out_of_reach(now: f64, promised: f64, goal: f64) -> bool {
+    now > goal && now - HOPE * promised.max(0.0) > goal
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_calibration_is_given_up_far_from_its_goal_and_never_beyond_it() {
+        assert!(is_out_of_reach(1000.0, 100.0, 500.0));
+        assert!(
+            !is_out_of_reach(1000.0, 200.0, 500.0),
+            "four times what is promised would do"
+        );
+        assert!(is_out_of_reach(1000.0, -5.0, 500.0));
+        assert!(!is_out_of_reach(499.0, -5.0, 500.0), "it is there");
+        assert!(!is_out_of_reach(1000.0, f64::INFINITY, 500.0));
     }
 }

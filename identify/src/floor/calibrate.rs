@@ -27,8 +27,6 @@ const TREAD_SIGMA: f64 = 2.5;
 const MOST_TRIALS: usize = 8;
 const LEAST_DAMPING: f64 = 0.01;
 const MOST_DAMPING: f64 = 100.0;
-/// A step that makes the references no likelier than this is the last.
-pub(super) const LEAST_GAIN: f64 = 0.3;
 /// Times that the sensitivities are taken anew at the calibrated model.
 const LINEARISATIONS: usize = 2;
 /// References that the first of them takes.
@@ -262,11 +260,7 @@ impl Floor {
         let mut simulations = 0;
         while simulations < MOST_TRIALS && damping <= MOST_DAMPING {
             simulations += 1;
-            let before = self.surprise(&self.residuals, &self.values);
             if self.take(workers, held, damping)? {
-                if before - self.surprise(&self.residuals, &self.values) < LEAST_GAIN {
-                    break;
-                }
                 damping = (0.1 * damping).max(LEAST_DAMPING);
             } else {
                 damping *= 5.0;

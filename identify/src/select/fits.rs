@@ -80,9 +80,18 @@ fn near_the_best(all: Vec<Fitted>) -> Vec<Fitted> {
         let most = best.entry(fitted.position).or_insert(f64::NEG_INFINITY);
         *most = most.max(fitted.fit.gain);
     }
+    let open: Vec<usize> = all
+        .iter()
+        .filter(|fitted| fitted.fit.is_given_up)
+        .map(|fitted| fitted.position)
+        .collect();
     let least = |position: usize| best.get(&position).map_or(0.0, |most| most - ABOUT * most.abs());
     all.into_iter()
         .filter(|fitted| fitted.fit.gain >= least(fitted.position))
+        .map(|fitted| Fitted {
+            is_open: open.contains(&fitted.position),
+            ..fitted
+        })
         .collect()
 }
 
@@ -111,7 +120,12 @@ fn evaluated(workers: &dyn Workers, data: &Round, fitted: &[Fitted], least: f64)
     })?;
     let pairs = fitted.iter().zip(fits);
     Ok(pairs
-        .filter_map(|(fitted, fit)| Some(Fitted::new(fit?, fitted.position)))
+        .filter_map(|(fitted, fit)| {
+            Some(Fitted {
+                is_open: fitted.is_open,
+                ..Fitted::new(fit?, fitted.position)
+            })
+        })
         .collect())
 }
 
@@ -219,7 +233,10 @@ mod tests {
 
     #[test]
     fn starts_that_gained_about_as_much_as_the_best_of_their_candidate_stay() {
+        let mut given_up = fitted(5, -6.0);
+        given_up.fit.is_given_up = true;
         let all = vec![
+            given_up,
             fitted(3, 100.0),
             fitted(3, 96.0),
             fitted(3, 94.0),
@@ -230,5 +247,7 @@ mod tests {
         let near = near_the_best(all);
         let kept: Vec<(usize, f64)> = near.iter().map(|one| (one.position, one.fit.gain)).collect();
         assert_eq!(kept, [(3, 100.0), (3, 96.0), (5, 10.0), (7, -8.0)]);
+        let open: Vec<bool> = near.iter().map(|one| one.is_open).collect();
+        assert_eq!(open, [false, false, true, false], "another start of it was given up");
     }
 }

@@ -77,7 +77,7 @@ impl Kept {
     }
 }
 
-/// What is remembered of a list, and the candidates of it that are to be fitted: those of which nothing is, or of which a fit was given
+/// What is remembered of a list, and the candidates of it that are to be fitted: those of which nothing is, or of which a start was given
 /// up for what others explained then.
 pub(super) fn remembered_of(remembered: &mut Vec<Fitted>, list: &[usize]) -> (Vec<Fitted>, Vec<usize>) {
     let is_known = |position: usize| {
@@ -85,7 +85,7 @@ pub(super) fn remembered_of(remembered: &mut Vec<Fitted>, list: &[usize]) -> (Ve
             .iter()
             .filter(|fitted| fitted.position == position)
             .peekable();
-        own.peek().is_some() && own.all(|fitted| !fitted.fit.is_given_up)
+        own.peek().is_some() && own.all(|fitted| !fitted.fit.is_given_up && !fitted.is_open)
     };
     let (known, unknown): (Vec<usize>, Vec<usize>) = list.iter().partition(|position| is_known(**position));
     let all = core::mem::take(remembered);

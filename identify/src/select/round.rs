@@ -204,6 +204,8 @@ pub(super) struct Fitted {
     pub joint: Vec<Member>,
     /// It was fitted together with what the model has.
     pub is_tried_together: bool,
+    /// A start of the same candidate was given up: another round may have to finish it.
+    pub is_open: bool,
     /// What was judged of it.
     pub finalist: Option<Finalist>,
 }
@@ -215,6 +217,7 @@ impl Fitted {
             position,
             joint: Vec::new(),
             is_tried_together: false,
+            is_open: false,
             finalist: None,
         }
     }
