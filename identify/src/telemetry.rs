@@ -72,8 +72,9 @@ impl Telemetry {
         self.channels.get(&channel)
     }
 
-    /// The same with time stamps that count from the first one, to the microsecond where rows are far enough apart: what is found must not depend on where
-    /// a recorder's clock begins, nor on the 0.2 us to which a double holds the seconds since 1970.
+    /// The same with time stamps that count from the first one, rounded to microseconds where all rows stay apart: what is found should not depend on where
+    /// a recorder's clock begins, nor on the 0.2 us to which a double holds the seconds since 1970. A stamp within that of half a microsecond may be
+    /// rounded either way.
     pub fn from_start(mut self) -> Telemetry {
         let first_s = self.time_s.first().copied().unwrap_or(0.0);
         let is_far_apart = self.time_s.windows(2).all(|pair| pair[1] - pair[0] > FAR_APART_S);

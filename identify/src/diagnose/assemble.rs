@@ -61,9 +61,9 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
         let is_doubted = case.taken.iter().any(|taken| !taken.tiny && !taken.doubts().is_empty());
         match verified(&gap, explained, names, is_doubted) {
             Verified::Holds => {
-                if let (Some(words), Verdict::Confirmed) = (leaves(&gap, explained), verdict) {
+                if let Some(words) = leaves(&gap, explained) {
                     case.remarks.push(words);
-                    verdict = Verdict::Partial;
+                    verdict = unproven(verdict);
                 }
             }
             Verified::InPart(words) => {

@@ -28,7 +28,7 @@ pub(super) struct Evenness {
     pub spread: f64,
     /// Sum of squares of the windows' deviations over that of noise.
     pub surprise: f64,
-    /// Standard error of the mean size of all windows, noise and spread together, as a share of it.
+    /// What the spread alone adds to the standard error of the mean size, as a share of it.
     pub of_mean: f64,
 }
 
@@ -89,7 +89,7 @@ fn spread(windows: &[(f64, f64)]) -> Option<Evenness> {
     Some(Evenness {
         spread: between.sqrt(),
         surprise: around / freedom,
-        of_mean: 1.0 / told.sqrt(),
+        of_mean: (1.0 / told - 1.0 / total).max(0.0).sqrt(),
     })
 }
 
@@ -113,8 +113,11 @@ mod tests {
                 (found.spread - between).abs() < 0.05 + 0.1 * between,
                 "{between}: {found:?}"
             );
-            let of_mean = ((0.01 + between * between) / 400.0).sqrt();
-            assert!((found.of_mean / of_mean - 1.0).abs() < 0.1, "{between}: {found:?}");
+            let of_mean = between / 20.0;
+            assert!(
+                (found.of_mean - of_mean).abs() < 0.002 + 0.1 * of_mean,
+                "{between}: {found:?}"
+            );
             assert_eq!(found.is_uneven(), between > 1.0, "{found:?}");
         }
         assert_eq!(spread(&windows(0.0)[..5]), None);

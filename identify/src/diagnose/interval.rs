@@ -89,7 +89,8 @@ fn sizes_with(
 /// - `law_rest`: what the fit leaves over, as a share of what it explains. An effect of another law leaves a rest, and its best size by
 ///   our law is off by about as much.
 /// - `uneven`: how far the size differs from stretch to stretch (prediction interval of random effects: Higgins, Thompson and
-///   Spiegelhalter 2009), or its mean for that (DerSimonian and Laird 1986), as a share.
+///   Spiegelhalter 2009) or, for a mean size, what that adds to its standard error (DerSimonian and
+///   Laird 1986), as a share.
 fn beyond_noise(axis: &Axis, value: f64, law_rest: f64, uneven: f64) -> f64 {
     if !axis.carries_size {
         return 0.0;

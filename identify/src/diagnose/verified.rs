@@ -75,7 +75,7 @@ pub(super) fn verified(gaps: &[Gap], explained: Option<f64>, names: usize, is_do
 }
 
 /// What is left of the gap of unused runs although something was named: most of a row that is far from its floor. Names that are right do not make
-/// a report complete then.
+/// a report complete then; where half of the whole gap is explained they do.
 ///
 /// - `explained`: overall fraction of the gap.
 pub(super) fn leaves(gaps: &[Gap], explained: Option<f64>) -> Option<String> {
@@ -92,7 +92,7 @@ pub(super) fn leaves(gaps: &[Gap], explained: Option<f64>) -> Option<String> {
         .filter(is_left)
         .max_by(|a, b| share(a).total_cmp(&share(b)))?;
     Some(format!(
-        "something is missing: on runs that were not used {} {:.1} s ahead is off by {:.4} {} with what is named, where references leave {:.4}",
+        "something is missing: on runs that were not used, predictions of {} over {:.1} s are off by {:.4} {} even with what is named; on references by {:.4}",
         most.channel, most.horizon_s, most.after, most.unit, most.floor
     ))
 }
@@ -181,7 +181,10 @@ mod tests {
         (left.low, left.explained_fraction) = (0.17, Some(0.0));
         let small = row("pose", 0.02, 0.03, 0.029);
         let words = leaves(&[small.clone(), left.clone()], Some(0.05)).unwrap_or_default();
-        assert!(words.contains("yaw 0.5 s ahead is off by 0.4500"), "{words}");
+        assert!(
+            words.contains("predictions of yaw over 0.5 s are off by 0.4500"),
+            "{words}"
+        );
         assert_eq!(
             leaves(core::slice::from_ref(&small), Some(0.05)),
             None,
