@@ -37,7 +37,7 @@ pub struct Row {
 /// Distance of both predictions from the measured position, one moment of the run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Moment {
-    /// `time_s` of the measured pose that was predicted [`DECIDING_S`] before.
+    /// Time from the start of the run of the measured pose that was predicted [`DECIDING_S`] before.
     pub time_s: f64,
     pub first_m: f64,
     pub second_m: f64,

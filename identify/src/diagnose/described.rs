@@ -190,6 +190,7 @@ impl Choice<'_> {
                 evenness: None,
                 but_best: None,
                 may_be_none: false,
+                may_be_none_on_average: false,
                 trend: None,
                 suspected: None,
             });

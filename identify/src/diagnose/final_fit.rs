@@ -3,7 +3,7 @@
 use super::evenness::{Evenness, evenness};
 use super::interval::may_be_none;
 use super::prepared::{Prepared, prepare};
-use super::taken::Taken;
+use super::taken::calibrate_small;
 use super::trend::trend;
 use super::{Case, DiagnoseError, TINY, loudness};
 use crate::fit::{Member, Problem, fit, with_members};
@@ -83,24 +83,13 @@ pub(super) fn finish(
                 taken.tiny = taken.finalist.size < TINY;
             }
         }
-        let nothing: Vec<[bool; 2]> = (0..fit.members.len())
-            .map(|position| {
-                let anywhere = may_be_none(case, position, |even| even.spread);
-                [anywhere, anywhere && may_be_none(case, position, |even| even.of_mean)]
-            })
-            .collect();
-        // What is below its practical size, and by its interval may be none, is calibration; losses are not. Beside what surely is a change it is one only if
-        // there may be none of it on average: what every stretch may lack, the whole of them may show.
-        let is_small = |taken: &Taken| taken.finalist.size < 1.0 && taken.finalist.member.candidate.entry.name != LOST;
-        let changes = case.taken.iter().zip(&nothing);
-        let is_beside = changes
-            .filter(|(taken, [nothing, _])| !taken.tiny && !(*nothing && is_small(taken)))
-            .count()
-            > 0;
-        for (taken, [nothing, on_average]) in case.taken.iter_mut().zip(nothing) {
-            taken.may_be_none = nothing;
-            taken.tiny |= nothing && is_small(taken) && (on_average || !is_beside);
+        for position in 0..fit.members.len() {
+            let anywhere = may_be_none(case, position, |even| even.spread);
+            let on_average = anywhere && may_be_none(case, position, |even| even.of_mean);
+            case.taken[position].may_be_none = anywhere;
+            case.taken[position].may_be_none_on_average = on_average;
         }
+        calibrate_small(&mut case.taken);
         let after = with_members(&case.floor.model, &fit.members);
         let records: Vec<&Record> = both.records.iter().collect();
         let shares = loudness::shares(&case.input.runs, &records, &case.floor.model, &after);

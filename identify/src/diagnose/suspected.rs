@@ -73,6 +73,7 @@ pub(super) fn take_suspect(
         evenness: None,
         but_best: None,
         may_be_none: false,
+        may_be_none_on_average: false,
         trend: None,
         suspected: Some(because),
         finalist,

@@ -29,6 +29,8 @@ pub(super) struct Taken {
     pub but_best: Option<f64>,
     /// The intervals of all its sizes reach to no effect.
     pub may_be_none: bool,
+    /// The same of the intervals of mean sizes.
+    pub may_be_none_on_average: bool,
     /// Nothing passed, and this is what is suspected: why it did not pass.
     pub suspected: Option<String>,
 }
@@ -54,6 +56,7 @@ impl Taken {
             evenness: None,
             but_best: None,
             may_be_none: false,
+            may_be_none_on_average: false,
             trend: None,
             suspected: None,
         }
@@ -107,6 +110,18 @@ impl Taken {
     }
 }
 
+/// What is below its practical size, and by its interval may be none, is calibration; losses are not. Beside what surely is a change it is one only if there
+/// may be none of it on average: what every stretch may lack, the whole of them may show.
+pub(super) fn calibrate_small(all: &mut [Taken]) {
+    let is_small = |taken: &Taken| {
+        taken.may_be_none && taken.finalist.size < 1.0 && taken.finalist.member.candidate.entry.name != LOST
+    };
+    let is_beside = all.iter().any(|taken| !taken.tiny && !is_small(taken));
+    for taken in all {
+        taken.tiny |= is_small(taken) && (taken.may_be_none_on_average || !is_beside);
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -157,6 +172,7 @@ mod tests {
             evenness: None,
             but_best: None,
             may_be_none: false,
+            may_be_none_on_average: false,
             trend: None,
             suspected: None,
         }
@@ -234,5 +250,37 @@ mod tests {
             ..uneven
         };
         assert!(matches!(&reconciled.doubts()[..], [doubt] if doubt.contains("is at an end")));
+    }
+
+    /// Below its practical size, and any stretch may have none of it.
+    fn small(on_average: bool) -> Taken {
+        let mut small = Taken {
+            may_be_none: true,
+            may_be_none_on_average: on_average,
+            ..taken(OFFSET, 4.0)
+        };
+        small.finalist.size = 0.9;
+        small
+    }
+
+    #[test]
+    fn only_a_sure_change_vouches_for_a_small_one_and_not_for_one_of_which_there_may_be_none() {
+        let tiny = |mut all: Vec<Taken>| {
+            calibrate_small(&mut all);
+            all.iter().map(|taken| taken.tiny).collect::<Vec<bool>>()
+        };
+        assert_eq!(tiny(vec![small(false)]), [true], "alone");
+        assert_eq!(tiny(vec![taken("payload", 4.0), small(false)]), [false, false]);
+        assert_eq!(tiny(vec![taken("payload", 4.0), small(true)]), [false, true]);
+        assert_eq!(
+            tiny(vec![small(false), small(false)]),
+            [true, true],
+            "none vouches for the other"
+        );
+        let calibrated = Taken {
+            tiny: true,
+            ..taken("payload", 4.0)
+        };
+        assert_eq!(tiny(vec![calibrated, small(false)]), [true, true]);
     }
 }

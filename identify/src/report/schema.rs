@@ -120,6 +120,7 @@ pub struct Where {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Segment {
     pub run: String,
+    /// From the start of the run.
     pub from_s: f64,
     pub to_s: f64,
 }

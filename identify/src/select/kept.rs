@@ -136,13 +136,17 @@ mod tests {
                 fitted(5, false),
                 fitted(5, true),
                 fitted(7, false),
+                Fitted {
+                    is_open: true,
+                    ..fitted(8, false)
+                },
             ]
         };
         let mut remembered = all();
-        let (own, unknown) = remembered_of(&mut remembered, &[5, 3, 9]);
+        let (own, unknown) = remembered_of(&mut remembered, &[5, 3, 9, 8]);
         let positions = |of: &[Fitted]| of.iter().map(|fitted| fitted.position).collect::<Vec<_>>();
-        assert_eq!((positions(&own), unknown), (vec![3, 3], vec![5, 9]));
-        assert_eq!(positions(&remembered), [5, 5, 7]);
+        assert_eq!((positions(&own), unknown), (vec![3, 3], vec![5, 9, 8]));
+        assert_eq!(positions(&remembered), [5, 5, 7, 8]);
         for forget in [Kept::outdate, Kept::absorb] {
             let mut kept = Kept {
                 fitted: all(),

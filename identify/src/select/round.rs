@@ -318,6 +318,10 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Kept) -> Result<Sto
     for finalist in stop.finalists.iter().filter(is_unwanted) {
         kept.vain.push((finalist.position, stop.scores[finalist.position].gain));
     }
+    // What is judged does without its slopes, which are most of a fit's memory.
+    for fitted in &mut fitted {
+        fitted.fit.jacobian = Vec::new();
+    }
     kept.fitted = fitted;
     Ok(stop)
 }
@@ -517,5 +521,68 @@ mod tests {
         assert!(second.iter().all(|position| !first.contains(position)));
         // What scores no more than chance is in no list.
         assert!(further_list(&all, &mut order, &second, &scores, 1000.0).is_empty());
+    }
+
+    fn finalist(position: usize, candidate: &Candidate, gain: f64, stability: f64) -> Finalist {
+        let values = candidate
+            .axes
+            .iter()
+            .map(|axis| axis.neutral + axis.practical)
+            .collect();
+        Finalist {
+            position,
+            member: Member {
+                candidate: candidate.clone(),
+                values,
+            },
+            gain_train: gain,
+            weighed: gain,
+            gain_validation: 0.0,
+            change_validation: 0.0,
+            in_references: 0.0,
+            stability,
+            is_unshown: false,
+            is_in_turn: false,
+            harmful: 0.0,
+            worse: None,
+            size: 1.0,
+            sure_size: 1.0,
+            because: None,
+            cosine: 0.0,
+            joint: Vec::new(),
+        }
+    }
+
+    /// A centre of mass has two sizes, a play of gears one.
+    #[test]
+    fn fewer_sizes_decide_unless_half_splits_do() {
+        let all = candidates(&reference_robot("diff2"), &Excitation::default());
+        let named = |name: &str| {
+            let found = all.iter().find(|candidate| candidate.entry.name == name);
+            found.unwrap_or_else(|| panic!("no {name} in the library"))
+        };
+        let (two, one) = (named("center_of_mass_offset"), named("gear_backlash"));
+        let fit = Fit {
+            members: Vec::new(),
+            gain: 0.0,
+            residuals: Vec::new(),
+            covariance: crate::linear::Square::zero(0),
+            free: Vec::new(),
+            jacobian: Vec::new(),
+            simulations: 0,
+            is_given_up: false,
+        };
+        let fitted = Fitted::new(fit, 0);
+        let chosen = |steady: f64, other: f64, gain: f64| {
+            let pairs = [
+                (finalist(0, two, 374.0, steady), &fitted),
+                (finalist(1, one, gain, other), &fitted),
+            ];
+            simplest(&pairs, |_| 10.0)
+        };
+        assert_eq!(chosen(0.97, 0.04, 373.0), Some(0));
+        assert_eq!(chosen(0.97, 0.30, 373.0), Some(1), "it explains most often enough");
+        assert_eq!(chosen(0.60, 0.04, 373.0), Some(1), "no half-splits decide");
+        assert_eq!(chosen(0.60, 0.60, 360.0), Some(0), "gains tell them apart");
     }
 }
