@@ -293,6 +293,7 @@ impl Question<'_> {
                 but_best: None,
                 may_be_none: false,
                 may_be_none_on_average: false,
+                may_be_rest_of: None,
                 trend: None,
                 suspected: None,
             },

@@ -84,7 +84,7 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
         }
     }
     for taken in case.taken.iter().filter(|taken| !taken.tiny) {
-        case.remarks.extend(taken.doubts());
+        case.remarks.extend([taken.doubts(), taken.reservations()].concat());
     }
     let model = model_version(case, &after);
     let effects = named(case, is_proven);
@@ -463,14 +463,16 @@ fn rest(case: &Case, effects: &[NamedEffect], absorbed: &[Absorbed]) -> (Vec<Rej
         if mentioned || absorbed.iter().any(|absorbed| absorbed.name == entry.name) {
             continue;
         }
+        let robot = &case.floor.given.description;
         let mut untested = |because: String| {
+            let manoeuvre = applies(entry, robot).then(|| super::next::manoeuvre(entry, robot));
             untestable.push(Untestable {
                 name: entry.name.to_owned(),
                 because,
-                run_this: super::next::manoeuvre(entry, &case.floor.given.description),
+                run_this: manoeuvre.unwrap_or_else(|| serde_json::json!({})),
             });
         };
-        if !applies(entry, &case.floor.given.description) {
+        if !applies(entry, robot) {
             untested("the robot has no part that it acts on".to_owned());
             continue;
         }

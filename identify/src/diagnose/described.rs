@@ -191,6 +191,7 @@ impl Choice<'_> {
                 but_best: None,
                 may_be_none: false,
                 may_be_none_on_average: false,
+                may_be_rest_of: None,
                 trend: None,
                 suspected: None,
             });

@@ -20,6 +20,9 @@ const SURPRISING: f64 = 5.0;
 /// times what chance does; laws of real friction and tyres by a quarter and ten times, or twenty times and a twentieth.
 const HARDLY_EVEN: f64 = 0.2;
 const BEYOND_CHANCE: f64 = 20.0;
+/// Between the two, where the stretches that tell most are few: spread times the root of the surprise is about the same on the line through all three.
+const LESS_EVEN: f64 = 0.35;
+const NO_CHANCE: f64 = 10.0;
 
 /// Of one effect.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -35,7 +38,11 @@ pub(super) struct Evenness {
 impl Evenness {
     /// The windows ask for sizes that no one law has.
     pub fn is_uneven(&self) -> bool {
-        let bars = [(UNEVEN, SURPRISING), (HARDLY_EVEN, BEYOND_CHANCE)];
+        let bars = [
+            (UNEVEN, SURPRISING),
+            (LESS_EVEN, NO_CHANCE),
+            (HARDLY_EVEN, BEYOND_CHANCE),
+        ];
         bars.iter()
             .any(|(spread, surprise)| self.spread > *spread && self.surprise > *surprise)
     }
@@ -134,6 +141,8 @@ mod tests {
             .is_uneven()
         };
         assert!(uneven(0.26, 40.0), "the square of speed as its first power");
+        assert!(uneven(0.39, 14.0), "the same where few stretches are fast");
+        assert!(!uneven(0.45, 4.3), "a battery that recovers slowly");
         assert!(!uneven(0.23, 6.6), "friction with other corners");
         assert!(!uneven(0.05, 30.0), "a tyre of another curve");
     }

@@ -1,9 +1,9 @@
 //! What was named, fitted on all open runs.
 
-use super::evenness::{Evenness, evenness};
+use super::evenness::evenness;
 use super::interval::may_be_none;
 use super::prepared::{Prepared, prepare};
-use super::taken::calibrate_small;
+use super::taken::{calibrate_small, reserve_rests};
 use super::trend::trend;
 use super::{Case, DiagnoseError, TINY, loudness};
 use crate::fit::{Member, Problem, fit, with_members};
@@ -57,6 +57,9 @@ pub(super) fn finish(
             .iter()
             .map(|(m, a)| ((*m, *a), fit.scatter(&both.metric, *m, *a)))
             .collect();
+        let robot = case.floor.model.robot();
+        let states: Option<Vec<_>> =
+            robot.map(|robot| both.records.iter().map(|record| states(&robot, record)).collect());
         for (position, taken) in case.taken.iter_mut().enumerate().take(fit.members.len()) {
             let mut others = fit.members.clone();
             others.remove(position);
@@ -66,13 +69,10 @@ pub(super) fn finish(
                 let without = both.bounds.keep(&both.metric, &both.records, &both.residuals, without);
                 let changes = difference(&without.residuals, &fit.residuals);
                 taken.but_best = Some(gain_but_best(&both, &without.residuals, &fit.residuals));
-                let even = evenness(&both.metric, &both.records, &changes, &fit.residuals);
-                taken.trend = even.filter(Evenness::is_uneven).and_then(|_| {
-                    let robot = case.floor.model.robot()?;
-                    let states: Vec<_> = both.records.iter().map(|record| states(&robot, record)).collect();
-                    trend(&both.metric, &both.records, &states, &changes, &fit.residuals)
-                });
-                even
+                taken.trend = states
+                    .as_ref()
+                    .and_then(|states| trend(&both.metric, &both.records, states, &changes, &fit.residuals));
+                evenness(&both.metric, &both.records, &changes, &fit.residuals)
             });
         }
         for (taken, member) in case.taken.iter_mut().zip(&fit.members) {
@@ -90,6 +90,7 @@ pub(super) fn finish(
             case.taken[position].may_be_none_on_average = on_average;
         }
         calibrate_small(&mut case.taken);
+        reserve_rests(&mut case.taken);
         let after = with_members(&case.floor.model, &fit.members);
         let records: Vec<&Record> = both.records.iter().collect();
         let shares = loudness::shares(&case.input.runs, &records, &case.floor.model, &after);

@@ -74,6 +74,7 @@ pub(super) fn take_suspect(
         but_best: None,
         may_be_none: false,
         may_be_none_on_average: false,
+        may_be_rest_of: None,
         trend: None,
         suspected: Some(because),
         finalist,

@@ -6,6 +6,7 @@ use super::trend::Trend;
 use crate::floor::Floor;
 use crate::hypothesis::LOST;
 use crate::select::{Finalist, Stop};
+use twin::effect::library::Hook;
 
 /// Gain in thresholds from which an interval that reaches to no effect is the interval's fault.
 const SURELY: f64 = 10.0;
@@ -23,7 +24,7 @@ pub(super) struct Taken {
     pub tiny: bool,
     /// How far its size differs from window to window; unknown when few windows tell it.
     pub evenness: Option<Evenness>,
-    /// What its size goes with, where it differs.
+    /// What its size goes with.
     pub trend: Option<Trend>,
     /// What it gains on all open runs but for the window that gains most; unknown until they are fitted.
     pub but_best: Option<f64>,
@@ -33,6 +34,8 @@ pub(super) struct Taken {
     pub may_be_none_on_average: bool,
     /// Nothing passed, and this is what is suspected: why it did not pass.
     pub suspected: Option<String>,
+    /// A name that explains more, and may be a law of another kind: what that law leaves may be all of this one.
+    pub may_be_rest_of: Option<&'static str>,
 }
 
 impl Taken {
@@ -59,6 +62,7 @@ impl Taken {
             may_be_none_on_average: false,
             trend: None,
             suspected: None,
+            may_be_rest_of: None,
         }
     }
 
@@ -67,18 +71,22 @@ impl Taken {
         self.evenness.filter(Evenness::is_uneven).map(|even| even.spread)
     }
 
+    /// Its size is not the same everywhere: a law of another kind may be behind it.
+    fn may_be_another_law(&self) -> bool {
+        let is_no_one_size = self.uneven().is_some() || self.trend.is_some_and(|trend| trend.is_sure());
+        is_no_one_size && !self.is_reconciled() && self.finalist.member.candidate.entry.name != LOAD
+    }
+
     /// Neither another law nor what was there before.
     pub fn is_sure(&self, floor: &Floor) -> bool {
-        self.doubts().is_empty() && !floor.may_have_had(self.finalist.size)
+        self.doubts().is_empty() && self.reservations().is_empty() && !floor.may_have_had(self.finalist.size)
     }
 
     /// What speaks against believing it, for the report.
     pub fn doubts(&self) -> Vec<String> {
         let name = self.finalist.member.candidate.entry.name;
-        // That both sides do not agree on its size is doubt enough.
-        let is_reconciled = self.suspected.is_some() && !self.finalist.is_unshown;
-        let uneven = self.uneven().filter(|_| !is_reconciled).map(|spread| {
-            let with = self.trend.map_or_else(String::new, |trend| format!(" ({})", trend.words()));
+        let uneven = self.uneven().filter(|_| !self.is_reconciled()).map(|spread| {
+            let with = self.trend.map_or_else(String::new, |trend| format!(" (it {})", trend.words()));
             format!(
                 "{name}: the size that explains most differs from stretch to stretch by {spread:.1} times itself{with}, so a law of another kind may be behind it"
             )
@@ -108,6 +116,28 @@ impl Taken {
         let doubts = uneven.into_iter().chain(in_turn).chain(nothing);
         doubts.chain(suspected).collect()
     }
+
+    /// Why it is not confirmed although nothing says that it is not there: its law may be another one.
+    pub fn reservations(&self) -> Vec<String> {
+        let name = self.finalist.member.candidate.entry.name;
+        let is_said = self.uneven().is_some() || self.is_reconciled();
+        let trend = self.trend.filter(|trend| trend.is_sure() && !is_said).map(|trend| {
+            format!(
+                "{name}: the size that explains most {}, by {:.0} % per standard deviation of it, so a law of another kind may be behind it",
+                trend.words(),
+                100.0 * trend.slope.abs()
+            )
+        });
+        let rest = self.may_be_rest_of.map(|other| {
+            format!("{name}: may only make up for what {other}, whose law may be another one, gets wrong")
+        });
+        trend.into_iter().chain(rest).collect()
+    }
+
+    /// Both sides do not agree on its size, which is doubt enough.
+    fn is_reconciled(&self) -> bool {
+        self.suspected.is_some() && !self.finalist.is_unshown
+    }
 }
 
 /// What is below its practical size, and by its interval may be none, is calibration; losses are not. Beside what surely is a change it is one only if there
@@ -119,6 +149,28 @@ pub(super) fn calibrate_small(all: &mut [Taken]) {
     let is_beside = all.iter().any(|taken| !taken.tiny && !is_small(taken));
     for taken in all {
         taken.tiny |= is_small(taken) && (taken.may_be_none_on_average || !is_beside);
+    }
+}
+
+/// What acts in the same part of the robot as a name that may be another law, and explains less, is not confirmed beside it: of a law and of what it lacks two
+/// names are made.
+pub(super) fn reserve_rests(all: &mut [Taken]) {
+    let part = |taken: &Taken| taken.finalist.member.candidate.entry.hook;
+    let laws: Vec<(f64, Hook, &'static str)> = all
+        .iter()
+        .filter(|taken| !taken.tiny && taken.may_be_another_law())
+        .map(|taken| {
+            (
+                taken.finalist.gain(),
+                part(taken),
+                taken.finalist.member.candidate.entry.name,
+            )
+        })
+        .collect();
+    for taken in all {
+        let (own, part) = (taken.finalist.gain(), part(taken));
+        let louder = laws.iter().filter(|(gain, other, _)| *gain > own && *other == part);
+        taken.may_be_rest_of = louder.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, _, name)| *name);
     }
 }
 
@@ -175,6 +227,7 @@ mod tests {
             may_be_none_on_average: false,
             trend: None,
             suspected: None,
+            may_be_rest_of: None,
         }
     }
 
@@ -239,17 +292,58 @@ mod tests {
             trend: Some(Trend {
                 variable: 0,
                 slope: 0.3,
+                surprise: 12.0,
             }),
             ..uneven.clone()
         };
         assert!(
             matches!(&with_speed.doubts()[..], [doubt] if doubt.contains("(it grows with the commanded forward speed), so"))
         );
+        let even = Taken {
+            evenness: None,
+            ..with_speed.clone()
+        };
+        assert!(even.doubts().is_empty(), "it is there");
+        assert!(
+            matches!(&even.reservations()[..], [one] if one.contains("grows with the commanded forward speed, by 30 % per"))
+        );
+        assert!(with_speed.reservations().is_empty(), "said among the doubts");
+        let by_chance = Taken {
+            trend: even.trend.map(|trend| Trend { surprise: 8.0, ..trend }),
+            ..even
+        };
+        assert!(by_chance.reservations().is_empty());
         let reconciled = Taken {
             suspected: Some("is at an end".to_owned()),
             ..uneven
         };
         assert!(matches!(&reconciled.doubts()[..], [doubt] if doubt.contains("is at an end")));
+    }
+
+    #[test]
+    fn what_explains_less_than_another_law_may_be_its_rest() {
+        let law = Taken {
+            trend: Some(Trend {
+                variable: 0,
+                slope: 0.3,
+                surprise: 16.0,
+            }),
+            ..taken("viscous_friction", 20.0)
+        };
+        let mut all = [
+            taken(OFFSET, 40.0),
+            law,
+            taken("stribeck_friction", 4.0),
+            taken("gyro_bias", 4.0),
+        ];
+        reserve_rests(&mut all);
+        let rest_of = all.clone().map(|taken| taken.may_be_rest_of);
+        assert_eq!(rest_of, [None, None, Some("viscous_friction"), None]);
+        assert!(all[2].doubts().is_empty(), "not withdrawn for it");
+        assert!(matches!(&all[2].reservations()[..], [one] if one.contains("make up for what viscous_friction")));
+        all[1].trend = None;
+        reserve_rests(&mut all);
+        assert!(all.iter().all(|taken| taken.reservations().is_empty()));
     }
 
     /// Below its practical size, and any stretch may have none of it.

@@ -12,6 +12,10 @@ use crate::record::Record;
 /// and fifty (chi-squared of one): six are asked.
 const STEEP: f64 = 0.1;
 const SURE: f64 = 7.4;
+/// By itself, where windows do not differ by much, it keeps a name from being confirmed when chance gives one like it for one variable in four hundred, which is
+/// one name in sixty, from a smaller slope on.
+const STEEP_ALONE: f64 = 0.075;
+const SURE_ALONE: f64 = 9.0;
 
 /// How a size goes with a state variable.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -20,13 +24,25 @@ pub(super) struct Trend {
     pub variable: usize,
     /// Change of the size for one standard deviation of the variable, as a share of the size.
     pub slope: f64,
+    /// Chi-squared of one.
+    pub surprise: f64,
 }
 
 impl Trend {
+    /// Enough by itself, whatever else the size differs by.
+    pub fn is_sure(&self) -> bool {
+        self.slope.abs() >= STEEP_ALONE && self.surprise >= SURE_ALONE
+    }
+
+    /// Worth a word where the size differs from window to window for sure.
+    fn is_told(&self) -> bool {
+        self.slope.abs() >= STEEP && self.surprise >= SURE
+    }
+
     pub fn words(&self) -> String {
         let (_, variable, _) = VARIABLES[self.variable];
         let grows = if self.slope > 0.0 { "grows" } else { "falls" };
-        format!("it {grows} with the {variable}")
+        format!("{grows} with the {variable}")
     }
 }
 
@@ -73,7 +89,7 @@ fn steepest(windows: &[Vec<Point>]) -> Option<Trend> {
         return None;
     }
     let mean_size = points().map(|point| point.change * point.left).sum::<f64>() / evidence;
-    let mut best: Option<(f64, Trend)> = None;
+    let mut best: Option<Trend> = None;
     for (variable, (kind, _, _)) in VARIABLES.iter().enumerate() {
         if *kind == Variable::Heading {
             continue;
@@ -99,12 +115,17 @@ fn steepest(windows: &[Vec<Point>]) -> Option<Trend> {
         let variance: f64 = of_windows.iter().map(|score| score * score).sum();
         let slope = sum / evidence;
         let surprise = sum * sum / variance.max(1e-300);
-        let is_more = best.is_none_or(|(most, _)| surprise > most);
-        if slope.abs() >= STEEP && surprise >= SURE && is_more {
-            best = Some((surprise, Trend { variable, slope }));
+        let found = Trend {
+            variable,
+            slope,
+            surprise,
+        };
+        let is_more = best.is_none_or(|best| surprise > best.surprise);
+        if (found.is_told() || found.is_sure()) && is_more {
+            best = Some(found);
         }
     }
-    best.map(|(_, trend)| trend)
+    best
 }
 
 #[cfg(test)]
@@ -117,6 +138,10 @@ mod tests {
 
     /// Windows of forty residuals each at a speed of its own, in which the size is `1 + size(speed)` of itself.
     fn windows(size: impl Fn(f64) -> f64) -> Vec<Vec<Point>> {
+        so_many_windows(80, size)
+    }
+
+    fn so_many_windows(count: usize, size: impl Fn(f64) -> f64) -> Vec<Vec<Point>> {
         let mut random = Random::new(7, 3);
         let window = |number: usize| -> Vec<Point> {
             let speed = 0.1 * (1.0 + (number % 10) as f64);
@@ -132,14 +157,14 @@ mod tests {
             };
             (0..40).map(point).collect()
         };
-        (0..80).map(window).collect::<Vec<_>>()
+        (0..count).map(window).collect::<Vec<_>>()
     }
 
     #[test]
     fn a_size_that_goes_with_speed_is_told_with_its_direction() {
         for (sign, words) in [
-            (1.0, "it grows with the commanded forward speed"),
-            (-1.0, "it falls with the commanded forward speed"),
+            (1.0, "grows with the commanded forward speed"),
+            (-1.0, "falls with the commanded forward speed"),
         ] {
             let found = steepest(&windows(|speed| sign * (speed - 0.55))).expect("a trend");
             assert_eq!((found.variable, found.words().as_str()), (FORWARD, words));
@@ -149,9 +174,26 @@ mod tests {
 
     #[test]
     fn a_size_that_is_the_same_everywhere_goes_with_nothing() {
+        let gentle = steepest(&so_many_windows(320, |speed| 0.3 * (speed - 0.55))).expect("a gentle trend");
+        assert!(gentle.is_sure() && !gentle.is_told(), "{gentle:?}");
         assert_eq!(steepest(&windows(|_| 0.0)), None);
         assert_eq!(steepest(&windows(|_| 0.4)), None, "another size is no trend");
         assert_eq!(steepest(&windows(|speed| speed)[..FEWEST - 1]), None, "too few windows");
         assert_eq!(steepest(&[]), None);
+    }
+
+    #[test]
+    fn a_gentle_trend_counts_by_itself_when_it_is_no_chance() {
+        let trend = |slope: f64, surprise: f64| Trend {
+            variable: FORWARD,
+            slope,
+            surprise,
+        };
+        assert!(trend(-0.08, 9.5).is_sure());
+        assert!(
+            !trend(0.3, 7.5).is_sure() && trend(0.3, 7.5).is_told(),
+            "a word beside a doubt"
+        );
+        assert!(!trend(0.02, 50.0).is_sure(), "real laws are off by as much");
     }
 }

@@ -20,6 +20,7 @@ pub use input::{Line, RollingInput, WheelLine};
 pub use quantity::{CHANNELS, CLASSES, Quantity, UNITS};
 pub use simulate::{Stages, residuals, residuals_with};
 pub use smooth::smoothed;
+pub(crate) use touch::Added;
 
 use core::ops::Range;
 use twin::free::Start;

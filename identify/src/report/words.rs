@@ -67,16 +67,15 @@ pub fn verdict_sentence(
 ) -> String {
     let names: Vec<String> = effects.iter().map(|effect| plain(&effect.name)).collect();
     let names = names.join(", ");
-    let explains = if has_references {
-        "It explains"
-    } else {
-        "With the robot's description calibrated on these runs it explains"
+    let who = match (has_references, effects.len() > 1) {
+        (true, false) => "It",
+        (true, true) => "Together they",
+        (false, false) => "With the robot's description calibrated on these runs it",
+        (false, true) => "With the robot's description calibrated on these runs together they",
     };
-    let share = explained.map_or(String::new(), |fraction| {
-        format!(
-            " {explains} {:.0} % of the gap on runs that were not used.",
-            100.0 * fraction
-        )
+    let does = does(explained, effects.len() > 1);
+    let share = does.map_or(String::new(), |does| {
+        format!(" {who} {does} the gap on runs that were not used.")
     });
     match verdict {
         Verdict::NoDiscrepancy if !has_references => {
@@ -99,5 +98,38 @@ pub fn verdict_sentence(
         ),
         Verdict::Partial => format!("Missing in the twin: {names}, but not proven or not all.{share}"),
         Verdict::Ambiguous => format!("Missing in the twin: {names} or its like; another run can tell.{share}"),
+    }
+}
+
+/// What names do to a gap: of all of it and of more no more is said than of all.
+fn does(explained: Option<f64>, are_many: bool) -> Option<String> {
+    let s = if are_many { "" } else { "s" };
+    match 100.0 * explained? {
+        percent if percent >= 99.5 => Some(format!("explain{s} all of")),
+        percent if percent >= 0.5 => Some(format!("explain{s} {percent:.0} % of")),
+        percent if percent >= -0.5 => Some(format!("explain{s} nothing of")),
+        percent if percent < -0.5 => Some(if are_many { "enlarge" } else { "enlarges" }.to_owned()),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_a_gap_no_more_than_all_is_explained_and_one_that_grows_is_told() {
+        for (fraction, words) in [
+            (1.02, Some("explains all of")),
+            (0.996, Some("explains all of")),
+            (0.42, Some("explains 42 % of")),
+            (0.003, Some("explains nothing of")),
+            (-0.3, Some("enlarges")),
+            (f64::NAN, None),
+        ] {
+            assert_eq!(does(Some(fraction), false).as_deref(), words);
+        }
+        assert_eq!(does(Some(0.42), true).as_deref(), Some("explain 42 % of"));
+        assert_eq!(does(None, true), None);
     }
 }

@@ -21,6 +21,9 @@ const HARMLESS: f64 = 0.1;
 /// Sizes beyond this many times the large one are believed at this many times the threshold.
 const INCREDIBLE: f64 = 3.0;
 const PROVEN: f64 = 10.0;
+/// Of so many windows that it changes by as much energy one that loses says nothing against what is proven on the training runs.
+const MANY_WINDOWS: usize = 10;
+const CHANGED: f64 = 1.0;
 /// Half-splits, and bootstrap replicates.
 const REPLICATES: usize = 200;
 
@@ -72,7 +75,8 @@ pub(super) fn judge(data: &Round, fitted: &Fitted, threshold: f64) -> Finalist {
         return finalist;
     };
     if !changed.is_empty() {
-        validate(data, &data.validation, changed, &mut finalist);
+        let may_leave_out = finalist.gain_train >= PROVEN * threshold;
+        validate(data, &data.validation, changed, &mut finalist, may_leave_out);
         let own = difference(data.train.residuals, &fitted.fit.residuals);
         let change_train = data.train.metric.gram(&[slices(&own)]).at(0, 0);
         finalist.is_unshown = is_hardly_shown(
@@ -88,7 +92,7 @@ pub(super) fn judge(data: &Round, fitted: &Fitted, threshold: f64) -> Finalist {
     if let Some(changed) = is_asked.then(|| in_turn(data, fitted, threshold)).flatten() {
         // What the validation runs say stands in the report; it decides nothing.
         let mut asked = finalist.clone();
-        validate(data, &data.train, changed, &mut asked);
+        validate(data, &data.train, changed, &mut asked, false);
         let because = gate(data, &asked, threshold);
         finalist.because =
             because.map(|because| because.replace("the validation runs", "training runs with what the others say"));
@@ -99,7 +103,9 @@ pub(super) fn judge(data: &Round, fitted: &Fitted, threshold: f64) -> Finalist {
 }
 
 /// What runs say of a candidate that was not fitted on them.
-fn validate(data: &Round, side: &Side, changed: Vec<Vec<f64>>, finalist: &mut Finalist) {
+///
+/// - `may_leave_out`: of many windows that it changes one that loses does not count.
+fn validate(data: &Round, side: &Side, changed: Vec<Vec<f64>>, finalist: &mut Finalist, may_leave_out: bool) {
     let bounded = side.bounds.keep(side.metric, side.records, side.residuals, changed);
     let changed = &bounded.residuals;
     let own = difference(side.residuals, changed);
@@ -109,8 +115,15 @@ fn validate(data: &Round, side: &Side, changed: Vec<Vec<f64>>, finalist: &mut Fi
     let weighed = gram.at(0, 0) - gram.at(1, 1);
     finalist.gain_validation = weighed + sum(&beyond(data.floor, side, changed));
     finalist.change_validation = gram.at(2, 2);
-    finalist.harmful = harmful(data, side, changed, weighed);
-    finalist.worse = worse(data, side, &bounded, weighed);
+    let left_out = usize::from(may_leave_out && windows_changed(side, &own) >= MANY_WINDOWS);
+    finalist.harmful = harmful(data, side, changed, weighed, left_out);
+    finalist.worse = worse(data, side, &bounded, weighed, left_out);
+}
+
+fn windows_changed(side: &Side, own: &[Vec<f64>]) -> usize {
+    let runs = side.records.iter().enumerate();
+    let energies = runs.flat_map(|(run, record)| rest_energies(side.metric, run, record, &own[run]));
+    energies.filter(|energy| *energy >= CHANGED).count()
 }
 
 /// The laws of the named effects may have left what it explains.
@@ -129,7 +142,9 @@ fn law_rest(data: &Round, fitted: &Fitted, threshold: f64) -> Option<String> {
 
 /// Bootstrap of the validation windows: share of replicates with more energy than before. A run in which an effect does not act (a limit
 /// that is not reached) is not made worse by it.
-fn harmful(data: &Round, side: &Side, changed: &[Vec<f64>], gain: f64) -> f64 {
+///
+/// - `left_out`: so many windows that lose most do not count.
+fn harmful(data: &Round, side: &Side, changed: &[Vec<f64>], gain: f64, left_out: usize) -> f64 {
     let nothing = (VALIDATION_GAIN * data.floor.inflation()).max(HARMLESS * gain);
     let mut random = Random::new(data.seed, 0x6861_726d);
     let mut runs: Vec<Vec<f64>> = Vec::new();
@@ -141,6 +156,11 @@ fn harmful(data: &Round, side: &Side, changed: &[Vec<f64>], gain: f64) -> f64 {
             &side.residuals[run],
             &changed[run],
         ));
+    }
+    for _ in 0..left_out {
+        if let Some(most) = runs.iter_mut().flatten().min_by(|a, b| a.total_cmp(b)) {
+            *most = most.max(0.0);
+        }
     }
     let mut worse = 0;
     for _ in 0..REPLICATES {
@@ -158,26 +178,44 @@ fn harmful(data: &Round, side: &Side, changed: &[Vec<f64>], gain: f64) -> f64 {
 
 /// The channel of the validation runs that loses most, and its loss as a share of the whole gain, everyday differences taken out of both:
 /// what the gain does not count is no loss.
-fn worse(data: &Round, side: &Side, bounded: &Bounded, gain: f64) -> Option<(usize, f64)> {
-    let mut energies = [Energies::default(); CLASSES];
+///
+/// - `left_out`: so many windows of every channel that lose most do not count.
+fn worse(data: &Round, side: &Side, bounded: &Bounded, gain: f64, left_out: usize) -> Option<(usize, f64)> {
+    let mut windows: [Vec<Energies>; CLASSES] = Default::default();
     for (run, record) in side.records.iter().enumerate() {
+        let first = windows[0].len();
+        for class in &mut windows {
+            class.resize(first + record.windows.len(), Energies::default());
+        }
         let (base, changed) = (&side.residuals[run], &bounded.residuals[run]);
         let metric = side.metric;
         let rests = metric.rest(run, base).into_iter().zip(metric.rest(run, changed));
         let residuals = base.iter().zip(changed);
         for ((place, rest), (before, after)) in record.places().iter().zip(rests).zip(residuals) {
             if let Some(quantity) = place.quantity {
-                let class = &mut energies[quantity.class()];
-                class.weighted[0] += rest.0 * rest.0;
-                class.weighted[1] += rest.1 * rest.1;
+                let own = &mut windows[quantity.class()][first + place.window];
+                own.weighted[0] += rest.0 * rest.0;
+                own.weighted[1] += rest.1 * rest.1;
                 if bounded.shares[run][place.window] == 1.0 {
-                    class.plain[0] += before * before;
-                    class.plain[1] += after * after;
+                    own.plain[0] += before * before;
+                    own.plain[1] += after * after;
                 }
             }
         }
     }
+    let energies = windows.map(|class| without_worst(class, left_out));
     worst_channel(&energies, gain, VALIDATION_GAIN * data.floor.inflation())
+}
+
+/// Sum over the windows but for those that lose most: one start of a wheel that stood a moment longer outvotes all that was driven.
+fn without_worst(mut windows: Vec<Energies>, left_out: usize) -> Energies {
+    let loss = |of: &Energies| of.weighted[1] - of.weighted[0];
+    windows.sort_by(|a, b| loss(b).total_cmp(&loss(a)));
+    let counted = windows.iter().skip(left_out);
+    counted.fold(Energies::default(), |sum, of| Energies {
+        weighted: [0, 1].map(|side| sum.weighted[side] + of.weighted[side]),
+        plain: [0, 1].map(|side| sum.plain[side] + of.plain[side]),
+    })
 }
 
 /// Energy of a channel before and after.
@@ -383,6 +421,16 @@ mod tests {
             None,
             "a tenth is allowed"
         );
+    }
+
+    #[test]
+    fn one_window_may_be_left_out_of_what_a_channel_loses() {
+        let windows = vec![channel(20.0, 10.0), channel(40.0, 300.0), channel(30.0, 35.0)];
+        let all = without_worst(windows.clone(), 0);
+        assert_eq!((all.weighted, all.plain), ([90.0, 345.0], [90.0, 345.0]));
+        let most = without_worst(windows, 1);
+        assert_eq!((most.weighted, most.plain), ([50.0, 45.0], [50.0, 45.0]));
+        assert_eq!(without_worst(Vec::new(), 1).weighted, [0.0, 0.0]);
     }
 
     #[test]

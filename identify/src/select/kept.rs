@@ -1,6 +1,7 @@
 //! What is kept from round to round: sensitivities, and fits of a model that has not changed since.
 
 use super::round::{Finalist, Fitted, Stop};
+use super::survey::Patch;
 
 /// A candidate whose fit came to nothing is fitted again when its score has risen by this factor.
 const PROMISING: f64 = 1.5;
@@ -18,6 +19,8 @@ pub struct Kept {
     refused: Vec<(usize, f64)>,
     /// Of the last round, while the model is the same.
     pub(super) fitted: Vec<Fitted>,
+    /// Where patches explain most at the present model; unknown before anybody asked.
+    patches: Option<Vec<Patch>>,
 }
 
 impl Kept {
@@ -30,11 +33,13 @@ impl Kept {
         self.is_fresh = false;
         self.refused.clear();
         self.fitted.clear();
+        self.patches = None;
     }
 
     /// The floor's model has taken something in: what was fitted is fitted again.
     pub fn absorb(&mut self) {
         self.fitted.clear();
+        self.patches = None;
     }
 
     /// Until an effect is accepted, what a round refused is fitted again only when much more of it is seen: the floor's model takes in
@@ -52,6 +57,14 @@ impl Kept {
         let is_any = !self.refused.is_empty();
         self.refused.clear();
         is_any
+    }
+
+    /// Where patches explain most at the present model, asked for once.
+    pub(super) fn patches_or<E>(&mut self, ask: impl FnOnce() -> Result<Vec<Patch>, E>) -> Result<&[Patch], E> {
+        if self.patches.is_none() {
+            self.patches = Some(ask()?);
+        }
+        Ok(self.patches.as_deref().unwrap_or_default())
     }
 
     /// Candidates that are not looked at any more.
@@ -155,5 +168,28 @@ mod tests {
             forget(&mut kept);
             assert!(kept.fitted.is_empty());
         }
+    }
+
+    #[test]
+    fn patches_are_surveyed_once_at_each_model() {
+        let mut kept = Kept::default();
+        let asked = core::cell::Cell::new(0);
+        let ask = || {
+            asked.set(asked.get() + 1);
+            Ok::<Vec<Patch>, ()>(Vec::new())
+        };
+        assert_eq!(
+            kept.patches_or(|| Err::<Vec<Patch>, &str>("cancelled")),
+            Err("cancelled")
+        );
+        let _patches = kept.patches_or(ask).map(<[Patch]>::len);
+        let _patches = kept.patches_or(ask).map(<[Patch]>::len);
+        assert_eq!(asked.get(), 1);
+        kept.outdate();
+        let _patches = kept.patches_or(ask).map(<[Patch]>::len);
+        assert_eq!(asked.get(), 2, "the model has changed");
+        kept.absorb();
+        let _patches = kept.patches_or(ask).map(<[Patch]>::len);
+        assert_eq!(asked.get(), 3, "the floor's model has changed");
     }
 }

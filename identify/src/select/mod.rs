@@ -11,6 +11,7 @@ mod law_rest;
 mod loud_starts;
 mod round;
 mod split;
+mod survey;
 mod suspect;
 
 pub use evidence::window_energies;

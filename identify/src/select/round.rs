@@ -7,6 +7,7 @@ use super::fits::{fits, together};
 use super::kept::{Kept, remembered_of};
 use super::law_rest::{Explained, decrease, energies, expected};
 use super::loud_starts::add_loud_starts;
+use super::survey::{add_patches, candidate_of_patches, survey};
 use crate::fit::{Bounds, Fit, Member};
 use crate::floor::{Floor, Metric};
 use crate::hypothesis::{Candidate, Hypothesis};
@@ -126,9 +127,9 @@ pub struct Finalist {
     pub is_unshown: bool,
     /// It was checked on the training runs, each with what the others say.
     pub is_in_turn: bool,
-    /// Share of bootstrap replicates of the validation runs that it makes worse.
+    /// Share of bootstrap replicates of the validation runs that it makes worse; of what is proven on the training runs without one window.
     pub harmful: f64,
-    /// Channel of the validation runs that it makes worse, by how much of what it gains in all.
+    /// Channel of the validation runs that it makes worse, by how much of what it gains in all; likewise.
     pub worse: Option<(usize, f64)>,
     /// Size in practical sizes.
     pub size: f64,
@@ -254,6 +255,12 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Kept) -> Result<Sto
         };
         data.members.iter().any(own)
     };
+    let is_open = |patch: &usize| !is_member(&data.candidates[*patch]) && !kept.is_left(*patch);
+    if let Some(patch) = candidate_of_patches(data.candidates).filter(is_open) {
+        let least = WANTED * threshold * data.share();
+        let patches = kept.patches_or(|| survey(workers, data, &data.candidates[patch], least))?;
+        add_patches(&mut scores[patch], patches, data.share());
+    }
     let weak = weak_bar(data, threshold);
     let mut order: Vec<usize> = (0..data.candidates.len())
         .filter(|c| scores[*c].gain > weak && !is_member(&data.candidates[*c]))

@@ -215,7 +215,8 @@ fn next(report: &Report) -> String {
 }
 
 fn lists(report: &Report) -> String {
-    let mut html = "<h2>What these runs cannot tell</h2><table>".to_owned();
+    let mut html =
+        "<h2>What these runs cannot tell</h2><table><tr><th>effect</th><th>why</th><th>shown by</th></tr>".to_owned();
     for open in &report.untestable {
         html.push_str(&format!(
             "<tr><td>{}</td><td>{}</td><td class=\"soft\">{}</td></tr>",

@@ -97,8 +97,9 @@ pub(super) fn gap_chart(channel: &str, gaps: &[Gap]) -> String {
         .flat_map(|gap| [gap.before, gap.after, gap.floor, gap.high])
         .fold(1e-12, f64::max);
     let span = HEIGHT - TOP - BOTTOM;
-    let step = (WIDTH - 8.0 * LEFT) / own.len().saturating_sub(1).max(1) as f64;
-    let x = |k: usize| 4.0 * LEFT + k as f64 * step;
+    // The scale's own number stands left of the lines.
+    let step = (WIDTH - 11.0 * LEFT) / own.len().saturating_sub(1).max(1) as f64;
+    let x = |k: usize| 7.0 * LEFT + k as f64 * step;
     let y = |value: f64| TOP + span * (1.0 - value / most);
     let line = |value: &dyn Fn(&Gap) -> f64, style: &str| {
         let points: Vec<String> = own

@@ -340,7 +340,7 @@ fn introduction(ui: &mut Ui, palette: &Palette) {
         ),
         (
             "The diagnosis names the cause.",
-            "Some forty physical effects are tried on part of the changed runs; what wins must also explain runs that were held \
+            "Some fifty physical effects are tried on part of the changed runs; what wins must also explain runs that were held \
              back. The result is a sentence with figures, and a model with which the twin drives like the robot. You decide whether \
              to use it.",
         ),

@@ -1,0 +1,256 @@
+//! Where fits of a patch begin: patches all over the places that were driven on, each simulated once.
+//!
+//! What a patch changes is no straight line in where it lies: a wheel slides there or does not. The few patches of the screening tell too little of one that
+//! lies between them, and out of a wrong place no fit finds; neighbours of the right one do.
+
+use super::evidence::rest_energies;
+use super::round::{Round, Side, difference, slices};
+use super::suspect::PLACE;
+use crate::hypothesis::{Candidate, Hypothesis};
+use crate::record::{Added, Record, residuals_with};
+use crate::screen::Score;
+use crate::workers::{Cancelled, Workers, gathered};
+
+/// Distance of the centres, and most of them in a row: a larger place is surveyed with larger patches farther apart.
+const APART_M: f64 = 0.25;
+const MOST_IN_A_ROW: usize = 14;
+/// Radii, in distances of the centres, and the share of the friction that is left.
+const RADII: [f64; 2] = [1.0, 1.8];
+const LEFT: f64 = 0.3;
+/// Least part of such a patch that fits begin with: what slides at once says little of how far the friction has to fall for it.
+const LEAST_PART: f64 = 0.3;
+/// So many fits begin where patches explain most, their centres farther apart than neighbours are.
+const STARTS: usize = 3;
+const NEIGHBOURS: f64 = 1.5;
+
+/// Windows are quiet below their median, which is no more than so many times what is expected of them.
+const QUIET: f64 = 1.5;
+
+/// A patch, and by how much the part of it that explains most lowers the energy of the windows that are screened.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Patch {
+    /// Along the axes of the candidate: centre and radius, m, and share of the friction that is left.
+    pub values: Vec<f64>,
+    pub gain: f64,
+}
+
+/// Position of the effect that acts in a place, when the robot may have it.
+pub(super) fn candidate_of_patches(candidates: &[Candidate]) -> Option<usize> {
+    candidates.iter().position(|candidate| candidate.entry.name == PLACE)
+}
+
+/// The patches that explain most, the best first. Their number raises no threshold: what fits make of them is held against chance on the validation runs.
+///
+/// - `least`: energy that the windows which a patch touches must have beyond that of quiet ones, for it to be simulated.
+pub(super) fn survey(
+    workers: &dyn Workers,
+    data: &Round,
+    candidate: &Candidate,
+    least: f64,
+) -> Result<Vec<Patch>, Cancelled> {
+    let side = &data.coarse;
+    let excesses = excess_of_windows(data);
+    let Some((centres, apart_m)) = centres(side.records) else {
+        return Ok(Vec::new());
+    };
+    let patches: Vec<Vec<f64>> = centres
+        .iter()
+        .flat_map(|[x, y]| RADII.map(|radius| vec![*x, *y, radius * apart_m, LEFT]))
+        .collect();
+    let gains = gathered(workers, patches.len(), &|item| {
+        let model = data.model.with(candidate.effect(&patches[item]));
+        let windows = side.records.iter().flat_map(|record| &record.windows).zip(&excesses);
+        let touched = windows.filter(|(window, _)| Added::last(&model, 1).may_touch(window));
+        if touched.map(|(_, excess)| excess).sum::<f64>() < least {
+            return None;
+        }
+        let own = difference(side.residuals, &changed(side, &model, candidate)?);
+        let gram = side.metric.gram(&[slices(side.residuals), slices(&own)]);
+        Some(best_part(gram.at(0, 1), gram.at(1, 1)))
+    })?;
+    let found = patches.into_iter().zip(gains).filter_map(|(mut values, found)| {
+        let (part, gain) = found?;
+        values[3] = 1.0 - part * (1.0 - LEFT);
+        Some(Patch { values, gain })
+    });
+    Ok(best(found.collect(), NEIGHBOURS * apart_m))
+}
+
+/// The part of a change that lowers the energy most, and by how much.
+///
+/// - `along`: its product with the residual; `own`: with itself.
+fn best_part(along: f64, own: f64) -> (f64, f64) {
+    let part = if own > 0.0 {
+        (along / own).clamp(LEAST_PART, 1.0)
+    } else {
+        1.0
+    };
+    (part, part * (2.0 * along - part * own))
+}
+
+/// Fits of patches begin there as well, and the list of what is fitted has them where their best one would put them.
+///
+/// - `share`: of the residuals, those of the windows that are screened.
+pub(super) fn add_patches(score: &mut Score, patches: &[Patch], share: f64) {
+    let Some((best, others)) = patches.split_first() else {
+        return;
+    };
+    score.gain = score.gain.max(best.gain / share);
+    let screened = core::mem::replace(&mut score.start, best.values.clone());
+    let mut starts: Vec<Vec<f64>> = others.iter().map(|patch| patch.values.clone()).collect();
+    starts.push(screened);
+    starts.append(&mut score.more_starts);
+    score.more_starts = starts;
+}
+
+/// Energy of every window beyond that of a quiet one.
+fn excess_of_windows(data: &Round) -> Vec<f64> {
+    let side = &data.coarse;
+    let mut windows = Vec::new();
+    for (run, record) in side.records.iter().enumerate() {
+        let energies = rest_energies(side.metric, run, record, &side.residuals[run]);
+        windows.extend(energies.into_iter().zip(data.floor.expected_of_windows(record)));
+    }
+    beyond_quiet(&windows)
+}
+
+/// - `windows`: energy and what is expected of it.
+fn beyond_quiet(windows: &[(f64, f64)]) -> Vec<f64> {
+    let ratios = windows.iter().filter(|(_, expected)| *expected > 0.0);
+    let mut ratios: Vec<f64> = ratios.map(|(energy, expected)| energy / expected).collect();
+    ratios.sort_by(f64::total_cmp);
+    let quiet = ratios.get(ratios.len() / 2).map_or(1.0, |middle| middle.min(QUIET));
+    windows
+        .iter()
+        .map(|(energy, expected)| (energy - quiet * expected).max(0.0))
+        .collect()
+}
+
+fn changed(side: &Side, model: &Hypothesis, candidate: &Candidate) -> Option<Vec<Vec<f64>>> {
+    let pairs = side.records.iter().zip(side.residuals);
+    let changed: Option<Vec<Vec<f64>>> = pairs
+        .map(|(record, base)| residuals_with(record, model, 1, candidate.stages, base))
+        .collect();
+    let kept = side.bounds.keep(side.metric, side.records, side.residuals, changed?);
+    Some(kept.residuals)
+}
+
+/// Centres of a grid over all places that were measured, and their distance, m.
+fn centres(records: &[Record]) -> Option<(Vec<[f64; 2]>, f64)> {
+    let mut low = [f64::INFINITY; 2];
+    let mut high = [f64::NEG_INFINITY; 2];
+    for place in records.iter().flat_map(Record::positions_m) {
+        for axis in 0..2 {
+            low[axis] = low[axis].min(place[axis]);
+            high[axis] = high[axis].max(place[axis]);
+        }
+    }
+    let extent = (high[0] - low[0]).max(high[1] - low[1]);
+    if !extent.is_finite() {
+        return None;
+    }
+    let apart = APART_M.max(extent / (MOST_IN_A_ROW - 1) as f64);
+    let along = |axis: usize| {
+        let count = (((high[axis] - low[axis]) / apart) as usize + 1).min(MOST_IN_A_ROW);
+        let first = 0.5 * (low[axis] + high[axis] - apart * (count - 1) as f64);
+        (0..count).map(move |i| first + apart * i as f64)
+    };
+    let all = along(0).flat_map(|x| along(1).map(move |y| [x, y])).collect();
+    Some((all, apart))
+}
+
+/// Those that explain anything, by what they do; of neighbours the best alone.
+fn best(mut places: Vec<Patch>, neighbours_m: f64) -> Vec<Patch> {
+    places.retain(|place| place.gain > 0.0);
+    places.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    let mut chosen: Vec<Patch> = Vec::new();
+    for place in places {
+        let is_apart = |other: &Patch| {
+            let [x, y] = [0, 1].map(|axis| place.values[axis] - other.values[axis]);
+            libm::sqrt(x * x + y * y) > neighbours_m
+        };
+        if chosen.len() < STARTS && chosen.iter().all(is_apart) {
+            chosen.push(place);
+        }
+    }
+    chosen
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::record::PoseCell;
+    use crate::record::made::{pose, record, window};
+
+    fn place(x: f64, y: f64, gain: f64) -> Patch {
+        Patch {
+            values: vec![x, y, 0.25, LEFT],
+            gain,
+        }
+    }
+
+    #[test]
+    fn fits_begin_at_the_best_of_each_neighbourhood() {
+        let all = vec![
+            place(0.0, 0.0, 50.0),
+            place(0.25, 0.0, 80.0),
+            place(1.0, 0.0, 60.0),
+            place(0.0, 1.0, -3.0),
+            place(-1.0, 0.0, 5.0),
+            place(-1.0, 1.0, 4.0),
+        ];
+        let chosen: Vec<f64> = best(all, 0.375).iter().map(|place| place.gain).collect();
+        assert_eq!(chosen, [80.0, 60.0, 5.0]);
+    }
+
+    #[test]
+    fn all_that_was_driven_on_is_surveyed_and_a_larger_place_more_coarsely() {
+        let at = |x_m: f64, y_m: f64| PoseCell { x_m, y_m, ..pose(0.6) };
+        let run = |places: Vec<PoseCell>| [record(vec![window(Vec::new(), Vec::new(), places)])];
+        assert_eq!(centres(&run(Vec::new())), None, "no camera saw it");
+        let (small, apart) = centres(&run(vec![at(-0.5, 0.0), at(0.5, 0.625)])).unwrap_or_default();
+        assert_eq!((small.len(), apart), (5 * 3, APART_M));
+        assert_eq!((small[0], small[14]), ([-0.5, 0.0625], [0.5, 0.5625]));
+        let (large, apart) = centres(&run(vec![at(0.0, 0.0), at(26.0, 0.0)])).unwrap_or_default();
+        assert_eq!((large.len(), apart), (MOST_IN_A_ROW, 2.0));
+    }
+
+    #[test]
+    fn a_patch_that_is_too_strong_counts_by_the_part_that_explains_most() {
+        assert_eq!(best_part(40.0, 40.0), (1.0, 40.0));
+        assert_eq!(best_part(20.0, 40.0), (0.5, 10.0));
+        assert!(best_part(-20.0, 40.0).1 < 0.0, "the other way");
+        assert_eq!(best_part(90.0, 40.0), (1.0, 140.0), "no stronger than it was simulated");
+        assert_eq!(best_part(0.0, 0.0), (1.0, 0.0), "nobody drove there");
+    }
+
+    #[test]
+    fn the_best_place_puts_the_candidate_on_the_list_and_the_screening_keeps_a_start() {
+        let screened = Score {
+            gain: 11.0,
+            sensitivity: 1.0,
+            start: vec![0.0, 0.0, 0.4, 0.4],
+            more_starts: vec![vec![1.0, 0.0, 0.4, 0.4]],
+            best_column: 3,
+        };
+        let mut score = screened.clone();
+        add_patches(&mut score, &[], 0.5);
+        assert_eq!((score.gain, &score.start), (11.0, &screened.start), "nothing was found");
+        add_patches(&mut score, &[place(0.5, 0.5, 80.0), place(-1.0, 0.0, 20.0)], 0.5);
+        assert_eq!(score.gain, 160.0);
+        assert_eq!(score.start, [0.5, 0.5, 0.25, LEFT]);
+        let others = [vec![-1.0, 0.0, 0.25, LEFT], screened.start, vec![1.0, 0.0, 0.4, 0.4]];
+        assert_eq!(score.more_starts, others);
+        add_patches(&mut score, &[place(0.5, 0.5, 70.0)], 0.5);
+        assert_eq!(score.gain, 160.0, "screening promised more");
+    }
+
+    #[test]
+    fn windows_that_are_as_loud_as_most_have_no_energy_beyond() {
+        let quiet = [(48.0, 64.0), (80.0, 64.0), (64.0, 64.0)];
+        assert_eq!(beyond_quiet(&quiet), [0.0, 16.0, 0.0]);
+        let loud = [(640.0, 64.0), (768.0, 64.0), (80.0, 64.0), (0.0, 0.0)];
+        assert_eq!(beyond_quiet(&loud), [544.0, 672.0, 0.0, 0.0], "most are loud");
+        assert!(beyond_quiet(&[]).is_empty());
+    }
+}
