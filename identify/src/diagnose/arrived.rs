@@ -265,6 +265,7 @@ impl Question<'_> {
             in_references,
             stability: agreeing.count() as f64 / runs.len() as f64,
             is_in_turn: false,
+            is_but_one: false,
             harmful: 0.0,
             worse: None,
             because: None,

@@ -84,7 +84,7 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
         }
     }
     for taken in case.taken.iter().filter(|taken| !taken.tiny) {
-        case.remarks.extend([taken.doubts(), taken.reservations()].concat());
+        case.remarks.extend(taken.remarks());
     }
     let model = model_version(case, &after);
     let effects = named(case, is_proven);

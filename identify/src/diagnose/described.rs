@@ -266,6 +266,7 @@ impl Choice<'_> {
             in_references: 0.0,
             stability,
             is_in_turn: false,
+            is_but_one: false,
             harmful: 0.0,
             worse: None,
             because: None,

@@ -134,6 +134,16 @@ impl Taken {
         trend.into_iter().chain(rest).collect()
     }
 
+    /// All that a reader should know of it.
+    pub fn remarks(&self) -> Vec<String> {
+        let name = self.finalist.member.candidate.entry.name;
+        let but_one = self.finalist.is_but_one.then(|| {
+            format!("{name}: one stretch of two seconds of the validation runs speaks against it and was left out, the others together speak for it")
+        });
+        let but_one: Vec<String> = but_one.into_iter().collect();
+        [self.doubts(), self.reservations(), but_one].concat()
+    }
+
     /// Both sides do not agree on its size, which is doubt enough.
     fn is_reconciled(&self) -> bool {
         self.suspected.is_some() && !self.finalist.is_unshown
@@ -207,6 +217,7 @@ mod tests {
             stability: 1.0,
             is_unshown: false,
             is_in_turn: false,
+            is_but_one: false,
             harmful: 0.0,
             worse: None,
             size: 1.0,
@@ -344,6 +355,15 @@ mod tests {
         all[1].trend = None;
         reserve_rests(&mut all);
         assert!(all.iter().all(|taken| taken.reservations().is_empty()));
+    }
+
+    #[test]
+    fn a_stretch_that_was_left_out_is_told_and_is_no_doubt() {
+        let mut but_one = taken(OFFSET, 20.0);
+        assert!(but_one.remarks().is_empty());
+        but_one.finalist.is_but_one = true;
+        assert!(but_one.doubts().is_empty() && but_one.reservations().is_empty());
+        assert!(matches!(&but_one.remarks()[..], [one] if one.contains("was left out")));
     }
 
     /// Below its practical size, and any stretch may have none of it.

@@ -16,6 +16,8 @@ const CONSISTENT: f64 = 0.2;
 /// still missing may hide there.
 pub(super) const WORSE: f64 = 0.1;
 pub(super) const HARM: f64 = 0.25;
+/// Share of bootstrap replicates that may be worse.
+const HARMFUL: f64 = 0.05;
 /// Share of the gain that runs on which an effect hardly acts may lose: real laws are off those of the library by that much.
 const HARMLESS: f64 = 0.1;
 /// Sizes beyond this many times the large one are believed at this many times the threshold.
@@ -42,6 +44,7 @@ pub(super) fn judge(data: &Round, fitted: &Fitted, threshold: f64) -> Finalist {
         in_references: 0.0,
         stability: 0.0,
         is_in_turn: false,
+        is_but_one: false,
         harmful: 1.0,
         worse: None,
         because: None,
@@ -115,9 +118,17 @@ fn validate(data: &Round, side: &Side, changed: Vec<Vec<f64>>, finalist: &mut Fi
     let weighed = gram.at(0, 0) - gram.at(1, 1);
     finalist.gain_validation = weighed + sum(&beyond(data.floor, side, changed));
     finalist.change_validation = gram.at(2, 2);
-    let left_out = usize::from(may_leave_out && windows_changed(side, &own) >= MANY_WINDOWS);
-    finalist.harmful = harmful(data, side, changed, weighed, left_out);
-    finalist.worse = worse(data, side, &bounded, weighed, left_out);
+    finalist.harmful = harmful(data, side, changed, weighed, 0);
+    finalist.worse = worse(data, side, &bounded, weighed, 0);
+    if may_leave_out && is_harm(finalist) && windows_changed(side, &own) >= MANY_WINDOWS {
+        finalist.harmful = harmful(data, side, changed, weighed, 1);
+        finalist.worse = worse(data, side, &bounded, weighed, 1);
+        finalist.is_but_one = !is_harm(finalist);
+    }
+}
+
+fn is_harm(finalist: &Finalist) -> bool {
+    finalist.harmful > HARMFUL || finalist.worse.is_some_and(|(_, share)| share > HARM)
 }
 
 fn windows_changed(side: &Side, own: &[Vec<f64>]) -> usize {
@@ -309,7 +320,7 @@ fn gate(data: &Round, finalist: &Finalist, threshold: f64) -> Option<String> {
                 100.0 * share
             ));
         }
-        if finalist.harmful > 0.05 {
+        if finalist.harmful > HARMFUL {
             return Some(format!(
                 "makes {:.0} % of the bootstrap replicates worse",
                 100.0 * finalist.harmful

@@ -127,6 +127,8 @@ pub struct Finalist {
     pub is_unshown: bool,
     /// It was checked on the training runs, each with what the others say.
     pub is_in_turn: bool,
+    /// It passes because one window that it makes worse is left out.
+    pub is_but_one: bool,
     /// Share of bootstrap replicates of the validation runs that it makes worse; of what is proven on the training runs without one window.
     pub harmful: f64,
     /// Channel of the validation runs that it makes worse, by how much of what it gains in all; likewise.
@@ -550,6 +552,7 @@ mod tests {
             stability,
             is_unshown: false,
             is_in_turn: false,
+            is_but_one: false,
             harmful: 0.0,
             worse: None,
             size: 1.0,
