@@ -8,6 +8,7 @@ mod in_place;
 mod in_turn;
 mod kept;
 mod law_rest;
+mod lists;
 mod loud_starts;
 mod round;
 mod split;

@@ -6,8 +6,9 @@ use super::evidence::{judge, stability};
 use super::fits::{fits, together};
 use super::kept::{Kept, remembered_of};
 use super::law_rest::{Explained, decrease, energies, expected};
+use super::lists::{further_list, short_list};
 use super::loud_starts::add_loud_starts;
-use super::survey::{add_patches, candidate_of_patches, survey};
+use super::survey::{begin_at, candidate_of_patches, survey};
 use crate::fit::{Bounds, Fit, Member};
 use crate::floor::{Floor, Metric};
 use crate::hypothesis::{Candidate, Hypothesis};
@@ -15,13 +16,8 @@ use crate::record::Record;
 use crate::screen::{Change, Score, columns, scores, thresholds};
 use crate::workers::{Cancelled, Workers, gathered};
 
-/// Most candidates that are fitted in a round.
-const SHORT_LIST: usize = 10;
-/// So many lists of them, while none of the first passes and nothing is named yet.
+/// So many lists of candidates are fitted, while none of the first passes and nothing is named yet.
 const LISTS: usize = 3;
-/// Beyond the first few, candidates with a smaller share of the best score are not fitted.
-const FITTED_ANYWAY: usize = 5;
-const WORTH_FITTING: f64 = 0.08;
 /// So many are fitted when none is above the threshold.
 const WEAK_FITTED: usize = 3;
 /// Fits that cannot reach this share of the threshold are not finished.
@@ -257,12 +253,6 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Kept) -> Result<Sto
         };
         data.members.iter().any(own)
     };
-    let is_open = |patch: &usize| !is_member(&data.candidates[*patch]) && !kept.is_left(*patch);
-    if let Some(patch) = candidate_of_patches(data.candidates).filter(is_open) {
-        let least = WANTED * threshold * data.share();
-        let patches = kept.patches_or(|| survey(workers, data, &data.candidates[patch], least))?;
-        add_patches(&mut scores[patch], patches, data.share());
-    }
     let weak = weak_bar(data, threshold);
     let mut order: Vec<usize> = (0..data.candidates.len())
         .filter(|c| scores[*c].gain > weak && !is_member(&data.candidates[*c]))
@@ -292,31 +282,31 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Kept) -> Result<Sto
         alternatives: Vec::new(),
         simulations: 0,
     };
-    if list.is_empty() {
-        return Ok(stop);
-    }
     let is_alone = data.thresholds_asked() == 1.0;
     let threshold = data.thresholds_asked() * threshold;
-    stop.threshold = threshold;
+    let patch = candidate_of_patches(data.candidates).filter(|patch| !is_member(&data.candidates[*patch]));
     let mut fitted: Vec<Fitted> = Vec::new();
     let mut remembered = core::mem::take(&mut kept.fitted);
     for lists_left in (0..LISTS).rev() {
-        let (mut more, unknown) = remembered_of(&mut remembered, &list);
-        more.extend(fits(workers, data, &unknown, &stop.scores, threshold)?);
-        together(workers, data, &mut more)?;
-        stop.simulations += more.iter().map(|fitted| fitted.fit.simulations).sum::<usize>();
-        let judged = gathered(workers, more.len(), &|f| match &more[f].finalist {
-            Some(finalist) => finalist.clone(),
-            None => judge(data, &more[f], threshold),
-        })?;
-        for (fitted, finalist) in more.iter_mut().zip(judged) {
-            fitted.finalist = Some(finalist);
-        }
-        fitted.extend(more);
-        choose(data, &mut stop, &fitted);
-        list = further_list(data.candidates, &mut order, &list, &stop.scores, threshold);
-        if stop.accepted.is_some() || !is_alone || lists_left == 0 || list.is_empty() {
+        if list.is_empty() {
             break;
+        }
+        stop.threshold = threshold;
+        let (known, unknown) = remembered_of(&mut remembered, &list);
+        hear(workers, data, &mut stop, &mut fitted, (known, &unknown))?;
+        list = further_list(data.candidates, &mut order, &list, &stop.scores, threshold);
+        if stop.accepted.is_some() || !is_alone || lists_left == 0 {
+            break;
+        }
+    }
+    // Where nothing passes a patch may lie between those that were screened.
+    if let (None, Some(patch)) = (stop.accepted, patch) {
+        let weak = weak_bar(data, threshold);
+        let patches = kept.patches_or(|| survey(workers, data, &data.candidates[patch], weak * data.share()))?;
+        let is_seen = begin_at(&mut stop.scores[patch], patches, data.share());
+        if is_seen && stop.scores[patch].gain > weak && !kept.is_vain(patch, stop.scores[patch].gain) {
+            stop.threshold = threshold;
+            hear(workers, data, &mut stop, &mut fitted, (Vec::new(), &[patch]))?;
         }
     }
     let is_vain = |fitted: &&Fitted| fitted.fit.gain < WANTED * threshold && !fitted.fit.is_given_up;
@@ -331,8 +321,34 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Kept) -> Result<Sto
     for fitted in &mut fitted {
         fitted.fit.jacobian = Vec::new();
     }
-    kept.fitted = fitted;
+    kept.fitted = if fitted.is_empty() { remembered } else { fitted };
     Ok(stop)
+}
+
+/// Fits and judges a list, and chooses anew among all that was fitted.
+///
+/// - `known`, `unknown`: fits that are remembered, and candidates that are to be fitted.
+fn hear(
+    workers: &dyn Workers,
+    data: &Round,
+    stop: &mut Stop,
+    fitted: &mut Vec<Fitted>,
+    (known, unknown): (Vec<Fitted>, &[usize]),
+) -> Result<(), Cancelled> {
+    let mut more = known;
+    more.extend(fits(workers, data, unknown, &stop.scores, stop.threshold)?);
+    together(workers, data, &mut more)?;
+    stop.simulations += more.iter().map(|fitted| fitted.fit.simulations).sum::<usize>();
+    let judged = gathered(workers, more.len(), &|f| match &more[f].finalist {
+        Some(finalist) => finalist.clone(),
+        None => judge(data, &more[f], stop.threshold),
+    })?;
+    for (fitted, finalist) in more.iter_mut().zip(judged) {
+        fitted.finalist = Some(finalist);
+    }
+    fitted.extend(more);
+    choose(data, stop, fitted);
+    Ok(())
 }
 
 /// Orders what was fitted by its gain, and accepts at most one, with the names that the data cannot tell from it.
@@ -417,37 +433,6 @@ fn simplest(pairs: &[(Finalist, &Fitted)], slack: impl Fn(f64) -> f64) -> Option
     (0..pairs.len())
         .filter(|position| near(&pairs[*position].0) && !is_told_apart(&pairs[*position].0))
         .min_by_key(|position| (choices(&pairs[*position].0), *position))
-}
-
-/// The best of the order, at most two wheels of the same effect.
-fn short_list(candidates: &[Candidate], order: &[usize], scores: &[Score]) -> Vec<usize> {
-    let mut list: Vec<usize> = Vec::new();
-    let best = order.first().map_or(0.0, |first| scores[*first].gain);
-    for candidate in order {
-        let name = candidates[*candidate].entry.name;
-        let same = list
-            .iter()
-            .filter(|other| candidates[**other].entry.name == name)
-            .count();
-        let weak = list.len() >= FITTED_ANYWAY && scores[*candidate].gain < WORTH_FITTING * best;
-        if same < 2 && list.len() < SHORT_LIST && !weak {
-            list.push(*candidate);
-        }
-    }
-    list
-}
-
-/// The best of what is left of the order: where much is to be explained a small change says little of a large one, and the truth may
-/// be further down.
-fn further_list(
-    candidates: &[Candidate],
-    order: &mut Vec<usize>,
-    fitted: &[usize],
-    scores: &[Score],
-    threshold: f64,
-) -> Vec<usize> {
-    order.retain(|position| !fitted.contains(position) && scores[*position].gain > threshold);
-    short_list(candidates, order, scores)
 }
 
 fn sensitivities(workers: &dyn Workers, data: &Round) -> Result<Vec<Vec<Vec<f64>>>, Cancelled> {

@@ -59,8 +59,9 @@ pub(super) fn survey(
         .collect();
     let gains = gathered(workers, patches.len(), &|item| {
         let model = data.model.with(candidate.effect(&patches[item]));
+        let patch = Added::last(&model, 1);
         let windows = side.records.iter().flat_map(|record| &record.windows).zip(&excesses);
-        let touched = windows.filter(|(window, _)| Added::last(&model, 1).may_touch(window));
+        let touched = windows.filter(|(window, _)| patch.may_touch(window));
         if touched.map(|(_, excess)| excess).sum::<f64>() < least {
             return None;
         }
@@ -88,18 +89,17 @@ fn best_part(along: f64, own: f64) -> (f64, f64) {
     (part, part * (2.0 * along - part * own))
 }
 
-/// Fits of patches begin there as well, and the list of what is fitted has them where their best one would put them.
+/// Fits of the candidate begin there, and it promises what the best of them does; false when there are none.
 ///
 /// - `share`: of the residuals, those of the windows that are screened.
-pub(super) fn add_patches(score: &mut Score, patches: &[Patch], share: f64) {
+pub(super) fn begin_at(score: &mut Score, patches: &[Patch], share: f64) -> bool {
     let Some((best, others)) = patches.split_first() else {
-        return;
+        return false;
     };
     score.gain = score.gain.max(best.gain / share);
-    let screened = core::mem::replace(&mut score.start, best.values.clone());
-    let mut starts: Vec<Vec<f64>> = others.iter().map(|patch| patch.values.clone()).collect();
-    starts.push(screened);
-    score.more_starts = starts;
+    score.start.clone_from(&best.values);
+    score.more_starts = others.iter().map(|patch| patch.values.clone()).collect();
+    true
 }
 
 /// Energy of every window beyond that of a quiet one.
@@ -224,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn the_best_place_puts_the_candidate_on_the_list_and_the_screening_keeps_a_start() {
+    fn fits_begin_at_the_patches_that_were_found_and_a_higher_promise_stays() {
         let screened = Score {
             gain: 11.0,
             sensitivity: 1.0,
@@ -233,14 +233,18 @@ mod tests {
             best_column: 3,
         };
         let mut score = screened.clone();
-        add_patches(&mut score, &[], 0.5);
+        assert!(!begin_at(&mut score, &[], 0.5));
         assert_eq!((score.gain, &score.start), (11.0, &screened.start), "nothing was found");
-        add_patches(&mut score, &[place(0.5, 0.5, 80.0), place(-1.0, 0.0, 20.0)], 0.5);
+        assert!(begin_at(
+            &mut score,
+            &[place(0.5, 0.5, 80.0), place(-1.0, 0.0, 20.0)],
+            0.5
+        ));
         assert_eq!(score.gain, 160.0);
         assert_eq!(score.start, [0.5, 0.5, 0.25, LEFT]);
-        assert_eq!(score.more_starts, [vec![-1.0, 0.0, 0.25, LEFT], screened.start]);
-        add_patches(&mut score, &[place(0.5, 0.5, 70.0)], 0.5);
-        assert_eq!(score.gain, 160.0, "screening promised more");
+        assert_eq!(score.more_starts, [[-1.0, 0.0, 0.25, LEFT]]);
+        assert!(begin_at(&mut score, &[place(0.5, 0.5, 70.0)], 0.5));
+        assert_eq!(score.gain, 160.0, "more was promised before");
     }
 
     #[test]
