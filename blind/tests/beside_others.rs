@@ -1,37 +1,13 @@
 //! Pairs of effects of which the second shows on other channels than the first, or the first is another's likeness until the second is known.
 
-use blind::set::{Driven, Set, Wish};
-use identify::diagnose::{Input, diagnose};
-use identify::report::Report;
-use identify::workers::Serial;
+mod common;
 
-/// Runs of a set of pairs with their diagnosis, all but the first two effects unknown to it.
-fn diagnosed(seed: u64, number: u64, hidden: [&str; 2]) -> Report {
-    let wish = Wish::named("pair").expect("a kind");
-    let driven: Driven = Set::new(seed, number, &wish)
-        .and_then(|set| set.driven(0))
-        .expect("runs");
-    let names: Vec<&str> = driven.known.iter().map(|known| known.drawn.name.as_str()).collect();
-    assert_eq!(names, hidden);
-    let input = Input {
-        references: driven.references,
-        runs: driven.runs,
-        locked: Vec::new(),
-        model: None,
-        seed: 1,
-    };
-    diagnose(&Serial, &input).expect("a diagnosis").report
-}
-
-fn named(report: &Report) -> Vec<(&str, Option<usize>)> {
-    let effects = report.effects.iter();
-    effects.map(|effect| (effect.name.as_str(), effect.index)).collect()
-}
+use common::{diagnosed, named};
 
 /// A car of which the tracker is late, and whose track width moves motor currents and hardly anything else.
 #[test]
 fn a_track_width_is_named_beside_a_latency() {
-    let report = diagnosed(330, 1, ["localization_latency", "track_width"]);
+    let report = diagnosed("pair", 330, 1, &["localization_latency", "track_width"]);
     assert_eq!(named(&report), [("localization_latency", None), ("track_width", None)]);
     let width = report.effects[1].parameters[0].value.unwrap_or(0.0);
     assert!((width + 0.0815).abs() < 0.01, "{width}");
@@ -41,7 +17,7 @@ fn a_track_width_is_named_beside_a_latency() {
 /// the marker beside it is half as far off.
 #[test]
 fn a_toe_that_a_steering_offset_stood_in_for_is_named_beside_a_marker() {
-    let report = diagnosed(334, 6, ["wheel_misalignment", "marker_offset"]);
+    let report = diagnosed("pair", 334, 6, &["wheel_misalignment", "marker_offset"]);
     assert_eq!(
         named(&report),
         [("wheel_misalignment", Some(2)), ("marker_offset", None)]

@@ -134,7 +134,9 @@ pub(super) fn together(workers: &dyn Workers, data: &Round, fitted: &mut [Fitted
     if data.members.is_empty() {
         return Ok(());
     }
-    let order = best_of_each(fitted);
+    let mut order = best_of_each(fitted);
+    // A law with corners that makes all windows together worse takes long to fit beside others, and seldom comes back.
+    order.retain(|item| fitted[*item].fit.gain > 0.0 || !is_rough(&data.candidates[fitted[*item].position]));
     if order.is_empty() {
         return Ok(());
     }

@@ -1,0 +1,31 @@
+//! Single effects that no fit finds out of the places that are screened, or against which one moment speaks.
+
+mod common;
+
+use common::{diagnosed, named};
+
+/// A car and a patch of 0.31 m with a fifth of the friction at (-0.49, -0.16) m: of the patches that are screened none lies near enough.
+#[test]
+fn a_patch_between_those_that_are_screened_is_named_where_it_is() {
+    let report = diagnosed("single", 230, 51, &["low_friction_patch"]);
+    assert_eq!(named(&report), [("low_friction_patch", None)]);
+    let value = |name: &str| {
+        let parameters = &report.effects[0].parameters;
+        let found = parameters.iter().find(|parameter| parameter.name == name);
+        found.and_then(|parameter| parameter.value).unwrap_or(f64::NAN)
+    };
+    assert!((value("x") + 0.492).abs() < 0.05 && (value("y") + 0.160).abs() < 0.05);
+    assert!((value("radius") - 0.313).abs() < 0.05, "{}", value("radius"));
+}
+
+/// A car whose set-points act 19 ms late. In one stretch one wheel of the twin stands a moment longer, which is four fifths of what the delay gains in all
+/// others.
+#[test]
+fn a_delay_is_named_although_one_stretch_speaks_against_it() {
+    let report = diagnosed("single", 230, 47, &["command_delay"]);
+    assert_eq!(named(&report), [("command_delay", None)]);
+    let delay = report.effects[0].parameters[0].value.unwrap_or(0.0);
+    assert!((delay - 0.01875).abs() < 0.004, "{delay}");
+    let is_told = |remark: &String| remark.starts_with("command_delay") && remark.contains("was left out");
+    assert!(report.remarks.iter().any(is_told), "{:?}", report.remarks);
+}
