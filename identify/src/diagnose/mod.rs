@@ -406,6 +406,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
         let before = (members.clone(), case.taken.clone());
         case.taken.push(Taken::accepted(&stop, accepted));
         let finalist = &stop.finalists[accepted];
+        let is_agreed = finalist.gain_train >= stop.threshold && finalist.is_agreed(stop.threshold);
         if finalist.joint.is_empty() {
             members.push(finalist.member.clone());
         } else {
@@ -413,7 +414,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
         }
         // Of long data the exact fit takes longest: what adds nothing by that of some windows is not worth it.
         let early = match coarse {
-            Some(_) => adds_nothing(workers, case, &mut gap, &validation, [&before.0, &members])?,
+            Some(_) => adds_nothing(workers, case, &mut gap, &validation, [&before.0, &members], is_agreed)?,
             None => None,
         };
         if let Some(because) = early {
@@ -455,7 +456,14 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
         };
         let joint = about.best(&mut taken, joint)?;
         case.taken = taken;
-        if let Some(because) = adds_nothing(workers, case, &mut gap, &validation, [&before.0, &joint.members])? {
+        if let Some(because) = adds_nothing(
+            workers,
+            case,
+            &mut gap,
+            &validation,
+            [&before.0, &joint.members],
+            is_agreed,
+        )? {
             (members, case.taken) = before;
             stop.finalists[accepted].because = Some(because);
             kept.refuse(&stop);

@@ -20,6 +20,9 @@ const ADDS_OF_REST: f64 = 0.5;
 const ADDS_OF_CHANNEL: f64 = 1.0 / 3.0;
 /// The gap that is left may grow by this share of itself then.
 const GROWS: f64 = 0.05;
+/// What both sides agree on ([`Finalist::is_agreed`]) need not: of a gap over whole stretches most may be of something else, by which it may grow by this
+/// share of itself.
+const AGREED_GROWS: f64 = 0.2;
 /// Standard deviations of the noise's energy (chi-squared) that such an effect takes at least.
 const CHANCE: f64 = 3.0;
 /// Of names that the residuals cannot tell apart one that explains so much more of the gap is preferred, and those that explain so much less
@@ -31,12 +34,14 @@ const FAR_LESS: f64 = 0.25;
 ///
 /// - `validation`: under the model without it.
 /// - `before`, `after`: what is in the model without it and with it.
+/// - `is_agreed`: training and validation runs ask for the same size of it.
 pub(super) fn adds_nothing(
     workers: &dyn Workers,
     case: &Case,
     gap: &mut ValidationGap,
     validation: &Prepared,
     [before, after]: [&[Member]; 2],
+    is_agreed: bool,
 ) -> Result<Option<String>, Cancelled> {
     if before.is_empty() {
         return Ok(None);
@@ -46,6 +51,9 @@ pub(super) fn adds_nothing(
     let Some([old, new]) = explained.and_then(|explained| <[f64; 2]>::try_from(explained).ok()) else {
         return Ok(None);
     };
+    if is_agreed && new >= old - ADDS.max(AGREED_GROWS * (1.0 - old)) {
+        return Ok(None);
+    }
     let is_change = after.last().is_some_and(|own| own.candidate.size(&own.values) >= TINY);
     let ask = Asked {
         of_all: new >= old - ADDS,

@@ -22,6 +22,8 @@ const LISTS: usize = 3;
 const WEAK_FITTED: usize = 3;
 /// Fits that cannot reach this share of the threshold are not finished.
 pub(super) const WANTED: f64 = 0.5;
+/// Gain on the validation runs over that of an effect of just the fitted size, from which both sides agree on it.
+const AGREED: f64 = 0.75;
 /// Slow to simulate.
 const SLOW: &str = "longitudinal_slip";
 /// Amplitude in the references from which an effect is no difference to them.
@@ -149,6 +151,14 @@ impl Finalist {
         self.member.candidate.effect(&self.member.values)
     }
 
+    /// A change that the validation runs show by themselves, at about the size that the training runs ask for.
+    ///
+    /// - `threshold`: of an effect alone.
+    pub fn is_agreed(&self, threshold: f64) -> bool {
+        let is_whole = !self.is_in_turn && !self.is_but_one && self.size >= 1.0;
+        is_whole && self.change_validation >= threshold && self.gain_validation >= AGREED * self.change_validation
+    }
+
     /// The references have it as well.
     pub fn is_background(&self) -> bool {
         self.in_references > ALSO_THERE
@@ -253,7 +263,7 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Kept) -> Result<Sto
         };
         data.members.iter().any(own)
     };
-    let weak = weak_bar(data, threshold);
+    let weak = weak_bar(data, data.thresholds_asked() * threshold);
     let mut order: Vec<usize> = (0..data.candidates.len())
         .filter(|c| scores[*c].gain > weak && !is_member(&data.candidates[*c]))
         .filter(|c| !kept.is_vain(*c, scores[*c].gain))
@@ -403,13 +413,15 @@ fn choose(data: &Round, stop: &mut Stop, fitted: &[Fitted]) {
 }
 
 /// Gain on the training runs from which a candidate is looked at although it is below the threshold: what the threshold would be had the
-/// references no excess of their own. Such a candidate is believed when the validation runs speak for it so much the more; beside an
-/// effect that is named already the rest of its law would pass as one, and nothing weak is looked for.
+/// references no excess of their own. Such a candidate is believed when the validation runs speak for it so much the more. Beside an effect that is named
+/// already, the rest of whose law would pass as one, it is the threshold of an effect alone.
 pub(super) fn weak_bar(data: &Round, threshold: f64) -> f64 {
-    if data.members.is_empty() && !data.validation.records.is_empty() {
+    if data.validation.records.is_empty() {
+        threshold
+    } else if data.members.is_empty() {
         threshold / data.floor.inflation()
     } else {
-        threshold
+        threshold / data.thresholds_asked()
     }
 }
 
