@@ -198,33 +198,11 @@ mod tests {
         let Some(position) = all.iter().position(|candidate| candidate.entry.name == name) else {
             panic!("no {name} in the library");
         };
-        let values = all[position]
-            .axes
-            .iter()
-            .map(|axis| axis.neutral + axis.practical)
-            .collect();
         let finalist = Finalist {
-            position,
-            member: Member {
-                candidate: all[position].clone(),
-                values,
-            },
             gain_train: 20.0 * thresholds,
             weighed: 20.0 * thresholds,
             gain_validation: 10.0 * thresholds,
-            change_validation: 0.0,
-            in_references: 0.0,
-            stability: 1.0,
-            is_unshown: false,
-            is_in_turn: false,
-            is_but_one: false,
-            harmful: 0.0,
-            worse: None,
-            size: 1.0,
-            sure_size: 1.0,
-            because: None,
-            cosine: 1.0,
-            joint: Vec::new(),
+            ..Finalist::sample(position, &all[position])
         };
         Taken {
             finalist,

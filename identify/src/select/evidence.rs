@@ -1,8 +1,9 @@
 //! What speaks for a fitted candidate, and what speaks against it.
 
 use super::beyond::{beyond, sum};
+use super::finalist::{Finalist, HARMFUL};
 use super::in_turn::{in_turn, is_hardly_shown};
-use super::round::{Finalist, Fitted, Round, Side, VALIDATION_GAIN, difference, slices, weak_bar};
+use super::round::{Fitted, Round, Side, VALIDATION_GAIN, difference, slices, weak_bar};
 use crate::fit::{Bounded, with_members};
 use crate::floor::{Floor, Metric};
 use crate::hypothesis::{Axis, Hypothesis};
@@ -16,11 +17,6 @@ const CONSISTENT: f64 = 0.2;
 /// still missing may hide there.
 pub(super) const WORSE: f64 = 0.1;
 pub(super) const HARM: f64 = 0.25;
-/// Share of bootstrap replicates that may be worse; of what the training runs show at so many thresholds and the validation runs at the same size, more: of
-/// two runs one that hardly shows it is all of every fourth replicate.
-const HARMFUL: f64 = 0.05;
-const PLAIN: f64 = 2.0;
-const HARMFUL_OF_PLAIN: f64 = 0.15;
 /// Share of the gain that runs on which an effect hardly acts may lose: real laws are off those of the library by that much.
 const HARMLESS: f64 = 0.1;
 /// Sizes beyond this many times the large one are believed at this many times the threshold.
@@ -300,8 +296,9 @@ pub(super) fn amplitude_in_references(
 fn gate(data: &Round, finalist: &Finalist, threshold: f64) -> Option<String> {
     let least = VALIDATION_GAIN * data.floor.inflation();
     let bars = [weak_bar(data, threshold), threshold, threshold + least];
+    let alone = threshold / data.thresholds_asked();
     let is_weak_beside = !data.members.is_empty() && finalist.gain_train < threshold;
-    let is_doubtful = is_weak_beside && !finalist.is_agreed(threshold / data.thresholds_asked());
+    let is_doubtful = is_weak_beside && !finalist.is_agreed(alone);
     if is_doubtful || !is_seen(finalist.gain_train, finalist.gain_validation, bars) {
         return Some(format!(
             "gain {:.0} on the training runs is below the threshold {threshold:.0}",
@@ -325,9 +322,7 @@ fn gate(data: &Round, finalist: &Finalist, threshold: f64) -> Option<String> {
                 100.0 * share
             ));
         }
-        let alone = threshold / data.thresholds_asked();
-        let is_plain = finalist.gain_train >= PLAIN * threshold && finalist.is_agreed(alone);
-        if finalist.harmful > (if is_plain { HARMFUL_OF_PLAIN } else { HARMFUL }) {
+        if finalist.is_harmful(threshold, alone) {
             return Some(format!(
                 "makes {:.0} % of the bootstrap replicates worse",
                 100.0 * finalist.harmful

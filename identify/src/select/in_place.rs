@@ -2,8 +2,9 @@
 //! less there than the one that acts.
 
 use super::evidence::{judge, stability};
+use super::finalist::Finalist;
 use super::kept::Kept;
-use super::round::{Finalist, Fitted, MAJORITY, Round, slices};
+use super::round::{Fitted, MAJORITY, Round, slices};
 use crate::fit::{Fit, Member, moved_one_by_one, with_members};
 use crate::linear::Square;
 use crate::record::Stages;

@@ -1,6 +1,7 @@
 //! What is kept from round to round: sensitivities, and fits of a model that has not changed since.
 
-use super::round::{Finalist, Fitted, Stop};
+use super::finalist::Finalist;
+use super::round::{Fitted, Stop};
 use super::survey::Patch;
 
 /// A candidate whose fit came to nothing is fitted again when its score has risen by this factor.

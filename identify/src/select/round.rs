@@ -1,8 +1,7 @@
 //! One round: screen, fit the short list, judge on validation runs, keep at most one effect.
 
-use twin::effect::Effect;
-
 use super::evidence::{judge, stability};
+use super::finalist::Finalist;
 use super::fits::{fits, together};
 use super::kept::{Kept, remembered_of};
 use super::law_rest::{Explained, decrease, energies, expected};
@@ -22,12 +21,6 @@ const LISTS: usize = 3;
 const WEAK_FITTED: usize = 3;
 /// Fits that cannot reach this share of the threshold are not finished.
 pub(super) const WANTED: f64 = 0.5;
-/// Gain on the validation runs over that of an effect of just the fitted size, from which both sides agree on it.
-const AGREED: f64 = 0.75;
-/// Slow to simulate.
-const SLOW: &str = "longitudinal_slip";
-/// Amplitude in the references from which an effect is no difference to them.
-pub(super) const ALSO_THERE: f64 = 0.5;
 /// Share of the threshold below which old sensitivities are enough to stop.
 const NOTHING_LEFT: f64 = 0.7;
 /// Share of null replicates below the threshold.
@@ -104,69 +97,6 @@ impl Round<'_> {
     pub fn share(&self) -> f64 {
         let count = |side: &Side| side.residuals.iter().map(Vec::len).sum::<usize>().max(1) as f64;
         count(&self.coarse) / count(&self.train)
-    }
-}
-
-/// A fitted candidate with its evidence.
-#[derive(Debug, Clone)]
-pub struct Finalist {
-    pub position: usize,
-    pub member: Member,
-    pub gain_train: f64,
-    /// The same with every window at its weight ([`super::beyond`]).
-    pub weighed: f64,
-    pub gain_validation: f64,
-    /// What it changes on the validation runs: the gain there if it has just the fitted size.
-    pub change_validation: f64,
-    /// Amplitude at which the same change is in the references; 1 = just as much.
-    pub in_references: f64,
-    pub stability: f64,
-    /// The validation runs hardly show it.
-    pub is_unshown: bool,
-    /// It was checked on the training runs, each with what the others say.
-    pub is_in_turn: bool,
-    /// It passes because one window that it makes worse is left out.
-    pub is_but_one: bool,
-    /// Share of bootstrap replicates of the validation runs that it makes worse; of what is proven on the training runs without one window.
-    pub harmful: f64,
-    /// Channel of the validation runs that it makes worse, by how much of what it gains in all; likewise.
-    pub worse: Option<(usize, f64)>,
-    /// Size in practical sizes.
-    pub size: f64,
-    /// The same as far as it is sure ([`Fit::sure_size`]).
-    pub sure_size: f64,
-    pub because: Option<String>,
-    /// Cosine to the accepted one, after projection.
-    pub cosine: f64,
-    /// All members as they are fitted together with this one, it being the last; empty when the others stayed as they were.
-    pub joint: Vec<Member>,
-}
-
-impl Finalist {
-    pub fn gain(&self) -> f64 {
-        self.gain_train + self.gain_validation
-    }
-
-    pub fn effect(&self) -> Effect {
-        self.member.candidate.effect(&self.member.values)
-    }
-
-    /// A change that the validation runs show by themselves, at about the size that the training runs ask for.
-    ///
-    /// - `threshold`: of an effect alone.
-    pub fn is_agreed(&self, threshold: f64) -> bool {
-        let is_whole = !self.is_in_turn && !self.is_but_one && self.size >= 1.0;
-        is_whole && self.change_validation >= threshold && self.gain_validation >= AGREED * self.change_validation
-    }
-
-    /// The references have it as well.
-    pub fn is_background(&self) -> bool {
-        self.in_references > ALSO_THERE
-    }
-
-    /// Slow to simulate: no part of the floor's model.
-    pub fn is_slow(&self) -> bool {
-        self.member.candidate.entry.name == SLOW
     }
 }
 
@@ -530,33 +460,11 @@ mod tests {
     }
 
     fn finalist(position: usize, candidate: &Candidate, gain: f64, stability: f64) -> Finalist {
-        let values = candidate
-            .axes
-            .iter()
-            .map(|axis| axis.neutral + axis.practical)
-            .collect();
         Finalist {
-            position,
-            member: Member {
-                candidate: candidate.clone(),
-                values,
-            },
             gain_train: gain,
-            weighed: gain,
             gain_validation: 0.0,
-            change_validation: 0.0,
-            in_references: 0.0,
             stability,
-            is_unshown: false,
-            is_in_turn: false,
-            is_but_one: false,
-            harmful: 0.0,
-            worse: None,
-            size: 1.0,
-            sure_size: 1.0,
-            because: None,
-            cosine: 0.0,
-            joint: Vec::new(),
+            ..Finalist::sample(position, candidate)
         }
     }
 

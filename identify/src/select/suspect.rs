@@ -7,9 +7,10 @@
 
 use super::beyond::{beyond, sum};
 use super::evidence::{HARM, WORSE, amplitude_in_references, own_doubt, window_energies};
+use super::finalist::Finalist;
 use super::in_turn::HARDLY;
 use super::law_rest::energies;
-use super::round::{Finalist, Side, Stop, VALIDATION_GAIN, slack_of, slices};
+use super::round::{Side, Stop, VALIDATION_GAIN, slack_of, slices};
 use crate::fit::{Fit, Member, Problem, fit, with_members};
 use crate::floor::{Floor, Metric};
 use crate::hypothesis::{Candidate, Hypothesis, Kind};
