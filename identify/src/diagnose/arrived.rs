@@ -12,11 +12,11 @@ use crate::select::{Finalist, energies, expected};
 use crate::workers::{Cancelled, Workers, gathered};
 
 /// Position of the wheels among the channels.
-const WHEEL: usize = 0;
+pub(super) const WHEEL: usize = 0;
 /// Wheels that are nearer to the twin than so many times the references' energy say nothing.
 const OFF: f64 = 1.3;
-/// Part of what the wheels are off by that is explained, of training and of validation runs; beside others, of which laws leave a rest of any
-/// kind, more.
+/// Part of what the wheels are off by that is explained, of training and of validation runs; beside others that explain as much of the wheels as is left, and
+/// whose laws leave a rest of any kind, more.
 const EXPLAINED: f64 = 0.3;
 const BESIDE_OTHERS: f64 = 0.6;
 /// Of two runs first, of all that they are off by.
@@ -70,6 +70,8 @@ pub(super) struct Question<'a> {
     pub validation: &'a Prepared,
     /// Product of the references.
     pub references: Option<&'a Metric>,
+    /// Energy of the training runs' wheels that the names explain.
+    pub explained: f64,
     /// Gain that training and validation runs need each.
     pub threshold: f64,
 }
@@ -174,11 +176,8 @@ impl Question<'_> {
     /// Net gains on training and validation runs, or why they are not enough.
     fn gains(&self, runs: &[Arrived], wheels: &[Wheels; 2], model: &Hypothesis) -> Result<[f64; 2], String> {
         let (train, validation) = runs.split_at(self.train.records.len());
-        let least = if self.members.is_empty() {
-            EXPLAINED
-        } else {
-            BESIDE_OTHERS
-        };
+        let may_be_rest = !self.members.is_empty() && wheels[0].own - wheels[0].calm < self.explained;
+        let least = if may_be_rest { BESIDE_OTHERS } else { EXPLAINED };
         let mut gains = [0.0; 2];
         for (gain, ((side, runs), wheels)) in gains.iter_mut().zip(
             [(self.train, train), (self.validation, validation)]
@@ -295,6 +294,7 @@ impl Question<'_> {
                 may_be_none: false,
                 may_be_none_on_average: false,
                 may_be_rest_of: None,
+                is_small_part: false,
                 trend: None,
                 suspected: None,
             },

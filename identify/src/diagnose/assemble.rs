@@ -6,13 +6,12 @@ use twin::effect::library::LIBRARY;
 use twin::model_document::ModelDocument;
 
 use super::arrived::{Answer, take_back};
-use super::energy::Energies;
 use super::gap_table::gap_table;
 use super::interval::sizes;
-use super::louder::{louder, share_left};
-use super::nearest::{nearest, suspect, unchecked};
-use super::opening::ALIKE;
+use super::louder::louder;
+use super::nearest::{nearest, suspect};
 use super::taken::Taken;
+use super::verdict::{FEWEST_RUNS, is_hardly_explained, validated, verdict};
 use super::verified::{Verified, disagree_alone, leaves, verified};
 use super::{Case, DiagnoseError, Diagnosis, LIBRARY_VERSION};
 use crate::fit::{NORMAL_95, with_members};
@@ -27,23 +26,17 @@ use crate::screen::Score;
 use crate::select::{Finalist, Role};
 use crate::workers::Workers;
 
-/// Validation and unused runs without which nothing is confirmed.
-const FEWEST_RUNS: usize = 2;
 /// Signal over noise below which an effect is untestable.
 const TESTABLE: f64 = 5.0;
 /// Calibration is listed from this many standard deviations.
 const LISTED: f64 = 3.0;
-/// Excess that remains, as a share of the excess before, that still counts as explained.
-const REST: f64 = 0.3;
-/// Names that leave more are no explanation.
-const NEXT_TO_NOTHING: f64 = 0.8;
-/// Nor are those that leave half of it with residuals of ten times the limit: that twin and these runs have little to do with each other.
-const HALF: f64 = 0.5;
-const FAR: f64 = 100.0;
-
 pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagnosis, DiagnoseError> {
     let members: Vec<_> = case.fit.as_ref().map_or_else(Vec::new, |fit| fit.members.clone());
     let mut after = with_members(&case.floor.model, &members);
+    let is_small_part = is_hardly_explained(&case.energies);
+    for taken in &mut case.taken {
+        taken.is_small_part = is_small_part;
+    }
     let mut verdict = verdict(case);
     let levels = &case.levels;
     if let Some(louder) = louder(&levels.after)
@@ -150,79 +143,12 @@ fn without_names(case: &mut Case, verdict: Verdict) -> Hypothesis {
     case.floor.model.clone()
 }
 
-/// There are validation runs enough to confirm a name.
-fn validated(case: &Case) -> bool {
-    case.roles.iter().filter(|role| **role == Role::Validation).count() >= FEWEST_RUNS
-}
-
 /// At most partly explained.
 fn unproven(verdict: Verdict) -> Verdict {
     match verdict {
         Verdict::Confirmed => Verdict::Partial,
         other => other,
     }
-}
-
-fn verdict(case: &Case) -> Verdict {
-    let levels = &case.levels;
-    let Energies { all, quiet } = &case.energies;
-    // Without references the description was calibrated on these runs, and what that leaves counts; of losses that are no news, what they leave,
-    // as of names.
-    let real = if !case.arrived.is_empty() {
-        let louder = louder(&levels.after);
-        let is_loud = louder.is_some_and(|louder| share_left(&levels.before, &levels.after, louder.class) > REST);
-        is_loud || all.after > all.limit && all.left() > REST
-    } else if case.floor.references.is_empty() {
-        all.after > all.limit || louder(&levels.after).is_some()
-    } else {
-        let is_disagreement = |pair: &(&str, String)| pair.1 != ALIKE;
-        let is_open = unchecked(case).is_some() || case.withdrawn.iter().any(is_disagreement);
-        is_open || all.before > all.limit || louder(&levels.before).is_some()
-    };
-    let naming: Vec<&Taken> = case.taken.iter().filter(|taken| !taken.tiny).collect();
-    if naming.is_empty() {
-        return if real {
-            Verdict::Unexplained
-        } else {
-            Verdict::NoDiscrepancy
-        };
-    }
-    let left = all.left();
-    let remains = all.after > all.limit && left > REST;
-    let is_far = all.after > FAR * all.limit;
-    // A few loud windows are a disagreement of their own, and no reason to disbelieve a name after which the others are like the references.
-    let is_everywhere = quiet.after > quiet.limit;
-    if remains && is_everywhere && (left > NEXT_TO_NOTHING || is_far && left > HALF) {
-        return Verdict::Unexplained;
-    }
-    let remains = remains
-        || louder(&levels.after).is_some_and(|louder| share_left(&levels.before, &levels.after, louder.class) > REST);
-    if naming.iter().any(|taken| taken.suspected.is_some()) {
-        return Verdict::Partial;
-    }
-    if naming.iter().any(|taken| !other_names(taken).is_empty()) {
-        return Verdict::Ambiguous;
-    }
-    // Without references an effect may be an error of the description itself.
-    let is_sure = naming.iter().all(|taken| taken.is_sure(&case.floor));
-    if remains || !is_sure || !validated(case) || case.locked.len() < FEWEST_RUNS || case.floor.noise.is_prior {
-        return Verdict::Partial;
-    }
-    Verdict::Confirmed
-}
-
-/// Names that the data cannot tell from a taken effect.
-fn other_names(taken: &Taken) -> Vec<String> {
-    let own = taken.finalist.member.candidate.entry.name;
-    let mut names: Vec<String> = taken
-        .alternatives
-        .iter()
-        .map(|alternative| alternative.member.candidate.entry.name.to_owned())
-        .filter(|name| name != own)
-        .collect();
-    names.sort();
-    names.dedup();
-    names
 }
 
 fn data(case: &Case) -> Vec<Data> {
@@ -297,7 +223,8 @@ fn named(case: &Case, is_proven: bool) -> Vec<NamedEffect> {
             .cloned()
             .collect();
         let name = finalist.member.candidate.entry.name;
-        let alternatives: Vec<String> = other_names(taken)
+        let alternatives: Vec<String> = taken
+            .other_names()
             .into_iter()
             .filter(|other| !earlier.contains(other) && !is_taken(case, other))
             .collect();

@@ -24,6 +24,7 @@ mod taken;
 mod trend;
 mod usable;
 mod validation_gap;
+mod verdict;
 mod verified;
 
 pub use calibrate::{calibrated, calibrated_floor};
@@ -352,6 +353,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
                     train: &whole.train,
                     validation: &whole.validation,
                     references: whole.references.as_ref(),
+                    explained: explained.gain[arrived::WHEEL],
                     threshold,
                 };
                 match question.answer(workers)? {

@@ -36,6 +36,8 @@ pub(super) struct Taken {
     pub suspected: Option<String>,
     /// A name that explains more, and may be a law of another kind: what that law leaves may be all of this one.
     pub may_be_rest_of: Option<&'static str>,
+    /// Nearly all of what the runs are off by is left with all that is named.
+    pub is_small_part: bool,
 }
 
 impl Taken {
@@ -63,6 +65,7 @@ impl Taken {
             trend: None,
             suspected: None,
             may_be_rest_of: None,
+            is_small_part: false,
         }
     }
 
@@ -80,6 +83,20 @@ impl Taken {
     /// Neither another law nor what was there before.
     pub fn is_sure(&self, floor: &Floor) -> bool {
         self.doubts().is_empty() && self.reservations().is_empty() && !floor.may_have_had(self.finalist.size)
+    }
+
+    /// Names that the data cannot tell from it.
+    pub fn other_names(&self) -> Vec<String> {
+        let own = self.finalist.member.candidate.entry.name;
+        let mut names: Vec<String> = self
+            .alternatives
+            .iter()
+            .map(|alternative| alternative.member.candidate.entry.name.to_owned())
+            .filter(|name| name != own)
+            .collect();
+        names.sort();
+        names.dedup();
+        names
     }
 
     /// What speaks against believing it, for the report.
@@ -131,7 +148,10 @@ impl Taken {
         let rest = self.may_be_rest_of.map(|other| {
             format!("{name}: may only make up for what {other}, whose law may be another one, gets wrong")
         });
-        trend.into_iter().chain(rest).collect()
+        let part = self.is_small_part.then(|| {
+            format!("{name}: nearly all of what the runs are off by is left with it; not confirmed before something explains that")
+        });
+        trend.into_iter().chain(rest).chain(part).collect()
     }
 
     /// All that a reader should know of it.
@@ -217,6 +237,7 @@ mod tests {
             trend: None,
             suspected: None,
             may_be_rest_of: None,
+            is_small_part: false,
         }
     }
 
@@ -333,6 +354,18 @@ mod tests {
         all[1].trend = None;
         reserve_rests(&mut all);
         assert!(all.iter().all(|taken| taken.reservations().is_empty()));
+    }
+
+    #[test]
+    fn what_leaves_nearly_all_is_named_and_not_confirmed() {
+        let part = Taken {
+            is_small_part: true,
+            ..taken(OFFSET, 20.0)
+        };
+        assert!(part.doubts().is_empty(), "it is there");
+        assert!(
+            matches!(&part.reservations()[..], [one] if one.contains("nearly all of what the runs are off by is left"))
+        );
     }
 
     #[test]

@@ -2,9 +2,10 @@
 
 /// Share of what a part of a curve explains that another part of it has to explain besides. Real curves are off their laws by that much.
 const CURVE_REST: f64 = 0.1;
-/// Torque over speed of a drive; force over slip of a tyre; time from command to action.
-const CURVES: [&[&str]; 3] = [
+/// Torque over speed of a drive; how wheels stop and start; force over slip of a tyre; time from command to action.
+const CURVES: [&[&str]; 4] = [
     &["coulomb_friction", "viscous_friction", "stribeck_friction"],
+    &["command_dead_band", "stribeck_friction"],
     &[
         "floor_friction",
         "low_friction_patch",
@@ -37,6 +38,8 @@ mod tests {
         let of = |candidate, members: &[&'static str]| share(candidate, members.iter().copied());
         assert!((of("stribeck_friction", &["payload", "coulomb_friction"]) - CURVE_REST).abs() < 1e-9);
         assert_eq!(of("stribeck_friction", &["payload", "floor_friction"]), 0.0);
+        assert!((of("stribeck_friction", &["command_dead_band"]) - CURVE_REST).abs() < 1e-9);
+        assert_eq!(of("coulomb_friction", &["command_dead_band"]), 0.0);
         assert_eq!(of("coulomb_friction", &["coulomb_friction"]), 0.0, "another wheel's");
         assert_eq!(of("payload", &["coulomb_friction"]), 0.0);
     }

@@ -1,0 +1,111 @@
+//! What a diagnosis comes to, before unused runs are asked.
+
+use super::Case;
+use super::energy::Energies;
+use super::louder::{louder, share_left};
+use super::nearest::unchecked;
+use super::opening::ALIKE;
+use super::taken::Taken;
+use crate::report::schema::Verdict;
+use crate::select::Role;
+
+/// Validation and unused runs without which nothing is confirmed.
+pub(super) const FEWEST_RUNS: usize = 2;
+/// Excess that remains, as a share of the excess before, that still counts as explained.
+const REST: f64 = 0.3;
+/// Names that leave more are no explanation, unless both sides agree on them at so many thresholds.
+const NEXT_TO_NOTHING: f64 = 0.8;
+const PROVEN: f64 = 10.0;
+/// Nor are those that leave half of it with residuals of ten times the limit: that twin and these runs have little to do with each other.
+const HALF: f64 = 0.5;
+const FAR: f64 = 100.0;
+
+pub(super) fn verdict(case: &Case) -> Verdict {
+    let levels = &case.levels;
+    let all = &case.energies.all;
+    // Without references the description was calibrated on these runs, and what that leaves counts; of losses that are no news, what they leave,
+    // as of names.
+    let real = if !case.arrived.is_empty() {
+        let louder = louder(&levels.after);
+        let is_loud = louder.is_some_and(|louder| share_left(&levels.before, &levels.after, louder.class) > REST);
+        is_loud || all.after > all.limit && all.left() > REST
+    } else if case.floor.references.is_empty() {
+        all.after > all.limit || louder(&levels.after).is_some()
+    } else {
+        let is_disagreement = |pair: &(&str, String)| pair.1 != ALIKE;
+        let is_open = unchecked(case).is_some() || case.withdrawn.iter().any(is_disagreement);
+        is_open || all.before > all.limit || louder(&levels.before).is_some()
+    };
+    let naming: Vec<&Taken> = case.taken.iter().filter(|taken| !taken.tiny).collect();
+    if naming.is_empty() {
+        return if real {
+            Verdict::Unexplained
+        } else {
+            Verdict::NoDiscrepancy
+        };
+    }
+    let remains = all.after > all.limit && all.left() > REST;
+    if is_hardly_explained(&case.energies) && !naming.iter().all(|taken| is_proven(taken)) {
+        return Verdict::Unexplained;
+    }
+    let remains = remains
+        || louder(&levels.after).is_some_and(|louder| share_left(&levels.before, &levels.after, louder.class) > REST);
+    if naming.iter().any(|taken| taken.suspected.is_some()) {
+        return Verdict::Partial;
+    }
+    if naming.iter().any(|taken| !taken.other_names().is_empty()) {
+        return Verdict::Ambiguous;
+    }
+    // Without references an effect may be an error of the description itself.
+    let is_sure = naming.iter().all(|taken| taken.is_sure(&case.floor));
+    if remains || !is_sure || !validated(case) || case.locked.len() < FEWEST_RUNS || case.floor.noise.is_prior {
+        return Verdict::Partial;
+    }
+    Verdict::Confirmed
+}
+
+/// Nearly all is left of what runs are off by. A few loud windows are a disagreement of their own, and no reason to disbelieve a name after which the others
+/// are like the references.
+pub(super) fn is_hardly_explained(Energies { all, quiet }: &Energies) -> bool {
+    let is_left = all.left() > NEXT_TO_NOTHING || all.after > FAR * all.limit && all.left() > HALF;
+    all.after > all.limit && is_left && quiet.after > quiet.limit
+}
+
+/// Both sides agree on it so surely that what it leaves is no reason to disbelieve it.
+fn is_proven(taken: &Taken) -> bool {
+    let finalist = &taken.finalist;
+    finalist.gain_train >= PROVEN * taken.threshold && finalist.is_agreed(taken.threshold) && taken.uneven().is_none()
+}
+
+/// There are validation runs enough to confirm a name.
+pub(super) fn validated(case: &Case) -> bool {
+    case.roles.iter().filter(|role| **role == Role::Validation).count() >= FEWEST_RUNS
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::energy::Energy;
+    use super::*;
+
+    #[test]
+    fn little_is_explained_when_loud_and_quiet_windows_are_left_as_they_were() {
+        let energy = |before: f64, after: f64| Energy {
+            before,
+            after,
+            floor: 1.0,
+            limit: 2.0,
+        };
+        let hardly = |all: Energy, quiet: Energy| is_hardly_explained(&Energies { all, quiet });
+        assert!(hardly(energy(20.0, 18.0), energy(10.0, 9.0)));
+        assert!(!hardly(energy(20.0, 12.0), energy(10.0, 9.0)), "two fifths are gone");
+        assert!(
+            hardly(energy(600.0, 350.0), energy(90.0, 60.0)),
+            "far beyond what any effect is"
+        );
+        assert!(
+            !hardly(energy(20.0, 18.0), energy(10.0, 1.5)),
+            "a few loud windows are left"
+        );
+        assert!(!hardly(energy(1.8, 1.7), energy(1.8, 1.7)), "no gap");
+    }
+}
