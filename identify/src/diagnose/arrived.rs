@@ -8,11 +8,12 @@ use crate::floor::Metric;
 use crate::hypothesis::{Hypothesis, lost_set_points};
 use crate::lost::{Arrived, COST, Seen, arrived};
 use crate::record::{Record, Stages, residuals};
+use crate::screen::all_residuals;
 use crate::select::{Finalist, energies, expected};
 use crate::workers::{Cancelled, Workers, gathered};
 
 /// Position of the wheels among the channels.
-pub(super) const WHEEL: usize = 0;
+const WHEEL: usize = 0;
 /// Wheels that are nearer to the twin than so many times the references' energy say nothing.
 const OFF: f64 = 1.3;
 /// Part of what the wheels are off by that is explained, of training and of validation runs; beside others that explain as much of the wheels as is left, and
@@ -70,8 +71,6 @@ pub(super) struct Question<'a> {
     pub validation: &'a Prepared,
     /// Product of the references.
     pub references: Option<&'a Metric>,
-    /// Energy of the training runs' wheels that the names explain.
-    pub explained: f64,
     /// Gain that training and validation runs need each.
     pub threshold: f64,
 }
@@ -144,7 +143,8 @@ impl Question<'_> {
             return Ok(Err(Answer::NotAsked));
         };
         let seen = pooled(&runs);
-        let gains = match self.gains(&runs, &wheels, &model) {
+        let least = least_share(&wheels[0], self.without_names(workers)?);
+        let gains = match self.gains(&runs, &wheels, &model, least) {
             Ok(gains) if seen.open_s >= LEAST_NAMED_S => gains,
             Err(_) if seen.open_s < LEAST_S => return Ok(Err(Answer::Untestable(too_little(seen.open_s)))),
             Err(because) => return Ok(Err(Answer::Rejected(because))),
@@ -173,11 +173,28 @@ impl Question<'_> {
         .map(|found| found.ok_or(Answer::Agree))
     }
 
+    /// Energy of the training runs' wheels before anything was named; `None` when nothing is.
+    fn without_names(&self, workers: &dyn Workers) -> Result<Option<f64>, Cancelled> {
+        if self.members.is_empty() {
+            return Ok(None);
+        }
+        let simulated = all_residuals(workers, &self.train.records, &self.case.floor.model)?;
+        let residuals: Option<Vec<Vec<f64>>> = simulated.into_iter().collect();
+        let energy = |residuals: Vec<Vec<f64>>| energies(&self.train.metric, &self.train.records, &residuals)[WHEEL];
+        Ok(Some(residuals.map_or(f64::INFINITY, energy)))
+    }
+
     /// Net gains on training and validation runs, or why they are not enough.
-    fn gains(&self, runs: &[Arrived], wheels: &[Wheels; 2], model: &Hypothesis) -> Result<[f64; 2], String> {
+    ///
+    /// - `least`: part of what the wheels are off by that is explained, at least.
+    fn gains(
+        &self,
+        runs: &[Arrived],
+        wheels: &[Wheels; 2],
+        model: &Hypothesis,
+        least: f64,
+    ) -> Result<[f64; 2], String> {
         let (train, validation) = runs.split_at(self.train.records.len());
-        let may_be_rest = !self.members.is_empty() && wheels[0].own - wheels[0].calm < self.explained;
-        let least = if may_be_rest { BESIDE_OTHERS } else { EXPLAINED };
         let mut gains = [0.0; 2];
         for (gain, ((side, runs), wheels)) in gains.iter_mut().zip(
             [(self.train, train), (self.validation, validation)]
@@ -260,7 +277,7 @@ impl Question<'_> {
             weighed: gains[0],
             is_unshown: false,
             gain_validation: gains[1],
-            change_validation: gains[1],
+            change_validation: 0.0,
             in_references,
             stability: agreeing.count() as f64 / runs.len() as f64,
             is_in_turn: false,
@@ -336,6 +353,15 @@ pub(super) fn put(case: &mut Case, found: Found) -> (Prepared, Prepared) {
     (found.train, found.validation)
 }
 
+/// Part of what the wheels are off by that losses must explain.
+///
+/// - `wheels`: of the training runs, with what is named.
+/// - `before`: their energy without; `None` when nothing is named.
+fn least_share(wheels: &Wheels, before: Option<f64>) -> f64 {
+    let may_be_rest = before.is_some_and(|before| wheels.own - wheels.calm < before - wheels.own);
+    if may_be_rest { BESIDE_OTHERS } else { EXPLAINED }
+}
+
 fn too_little(open_s: f64) -> String {
     format!(
         "a lost set-point would show in {open_s:.1} s of these runs; {LEAST_S:.0} s are needed, with commands that change"
@@ -402,6 +428,17 @@ fn usual(lengths: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn losses_beside_a_small_name_are_asked_as_if_alone() {
+        let wheels = Wheels {
+            own: 900.0,
+            calm: 200.0,
+        };
+        assert_eq!(least_share(&wheels, None), EXPLAINED);
+        assert_eq!(least_share(&wheels, Some(1500.0)), EXPLAINED, "more is left");
+        assert_eq!(least_share(&wheels, Some(1700.0)), BESIDE_OTHERS, "it may be a rest");
+    }
 
     #[test]
     fn two_bursts_in_a_row_are_not_the_usual_length() {

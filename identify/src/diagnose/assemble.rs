@@ -76,6 +76,10 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
             }
         }
     }
+    if is_small_part && case.taken.iter().any(|taken| !taken.tiny) {
+        let words = "nearly all of what the runs are off by is left with what is named; not confirmed before something explains that";
+        case.remarks.push(words.to_owned());
+    }
     for taken in case.taken.iter().filter(|taken| !taken.tiny) {
         case.remarks.extend(taken.remarks());
     }

@@ -263,7 +263,7 @@ impl Choice<'_> {
             weighed: gains[0],
             is_unshown: false,
             gain_validation: gains[1],
-            change_validation: gains[1],
+            change_validation: 0.0,
             in_references: 0.0,
             stability,
             is_in_turn: false,

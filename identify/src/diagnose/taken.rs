@@ -82,7 +82,8 @@ impl Taken {
 
     /// Neither another law nor what was there before.
     pub fn is_sure(&self, floor: &Floor) -> bool {
-        self.doubts().is_empty() && self.reservations().is_empty() && !floor.may_have_had(self.finalist.size)
+        let is_all = !self.is_small_part && self.reservations().is_empty();
+        is_all && self.doubts().is_empty() && !floor.may_have_had(self.finalist.size)
     }
 
     /// Names that the data cannot tell from it.
@@ -97,6 +98,14 @@ impl Taken {
         names.sort();
         names.dedup();
         names
+    }
+
+    /// Both sides agree on it so surely that what it leaves is no reason to disbelieve it. Losses and what is only suspected were fitted to both.
+    pub fn is_proven(&self) -> bool {
+        let finalist = &self.finalist;
+        let is_held_out = self.suspected.is_none() && finalist.member.candidate.entry.name != LOST;
+        let is_agreed = finalist.gain_train >= SURELY * self.threshold && finalist.is_agreed(self.threshold);
+        is_held_out && is_agreed && self.doubts().is_empty() && self.reservations().is_empty()
     }
 
     /// What speaks against believing it, for the report.
@@ -148,10 +157,7 @@ impl Taken {
         let rest = self.may_be_rest_of.map(|other| {
             format!("{name}: may only make up for what {other}, whose law may be another one, gets wrong")
         });
-        let part = self.is_small_part.then(|| {
-            format!("{name}: nearly all of what the runs are off by is left with it; not confirmed before something explains that")
-        });
-        trend.into_iter().chain(rest).chain(part).collect()
+        trend.into_iter().chain(rest).collect()
     }
 
     /// All that a reader should know of it.
@@ -357,15 +363,29 @@ mod tests {
     }
 
     #[test]
-    fn what_leaves_nearly_all_is_named_and_not_confirmed() {
-        let part = Taken {
-            is_small_part: true,
-            ..taken(OFFSET, 20.0)
+    fn what_both_sides_agree_on_at_ten_thresholds_is_proven() {
+        let of = |thresholds: f64| {
+            let mut agreed = taken(OFFSET, thresholds);
+            agreed.finalist.change_validation = agreed.finalist.gain_validation;
+            agreed
         };
-        assert!(part.doubts().is_empty(), "it is there");
-        assert!(
-            matches!(&part.reservations()[..], [one] if one.contains("nearly all of what the runs are off by is left"))
-        );
+        assert!(of(20.0).is_proven() && !of(10.0).is_proven());
+        assert!(!taken(OFFSET, 20.0).is_proven(), "more than its size explains");
+        let suspected = Taken {
+            suspected: Some("at another size".to_owned()),
+            ..of(20.0)
+        };
+        assert!(!suspected.is_proven(), "fitted to both sides");
+        let rest = Taken {
+            may_be_rest_of: Some("viscous_friction"),
+            ..of(20.0)
+        };
+        assert!(!rest.is_proven());
+        let mut losses = of(20.0);
+        if let Some(candidate) = lost_set_points(&twin::golden::reference_robot("diff2")) {
+            losses.finalist.member.candidate = candidate;
+        }
+        assert!(!losses.is_proven(), "they are read from every run");
     }
 
     #[test]

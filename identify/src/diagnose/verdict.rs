@@ -13,9 +13,8 @@ use crate::select::Role;
 pub(super) const FEWEST_RUNS: usize = 2;
 /// Excess that remains, as a share of the excess before, that still counts as explained.
 const REST: f64 = 0.3;
-/// Names that leave more are no explanation, unless both sides agree on them at so many thresholds.
+/// Names that leave more are no explanation, unless they are proven by themselves ([`Taken::is_proven`]).
 const NEXT_TO_NOTHING: f64 = 0.8;
-const PROVEN: f64 = 10.0;
 /// Nor are those that leave half of it with residuals of ten times the limit: that twin and these runs have little to do with each other.
 const HALF: f64 = 0.5;
 const FAR: f64 = 100.0;
@@ -45,7 +44,8 @@ pub(super) fn verdict(case: &Case) -> Verdict {
         };
     }
     let remains = all.after > all.limit && all.left() > REST;
-    if is_hardly_explained(&case.energies) && !naming.iter().all(|taken| is_proven(taken)) {
+    let is_proven = || naming.iter().all(|taken| taken.is_proven());
+    if is_far_off(&case.energies) || is_hardly_explained(&case.energies) && !is_proven() {
         return Verdict::Unexplained;
     }
     let remains = remains
@@ -67,14 +67,12 @@ pub(super) fn verdict(case: &Case) -> Verdict {
 /// Nearly all is left of what runs are off by. A few loud windows are a disagreement of their own, and no reason to disbelieve a name after which the others
 /// are like the references.
 pub(super) fn is_hardly_explained(Energies { all, quiet }: &Energies) -> bool {
-    let is_left = all.left() > NEXT_TO_NOTHING || all.after > FAR * all.limit && all.left() > HALF;
-    all.after > all.limit && is_left && quiet.after > quiet.limit
+    all.after > all.limit && all.left() > NEXT_TO_NOTHING && quiet.after > quiet.limit
 }
 
-/// Both sides agree on it so surely that what it leaves is no reason to disbelieve it.
-fn is_proven(taken: &Taken) -> bool {
-    let finalist = &taken.finalist;
-    finalist.gain_train >= PROVEN * taken.threshold && finalist.is_agreed(taken.threshold) && taken.uneven().is_none()
+/// Half is left, and twin and these runs have little to do with each other.
+fn is_far_off(Energies { all, quiet }: &Energies) -> bool {
+    all.after > FAR * all.limit && all.left() > HALF && quiet.after > quiet.limit
 }
 
 /// There are validation runs enough to confirm a name.
@@ -98,10 +96,13 @@ mod tests {
         let hardly = |all: Energy, quiet: Energy| is_hardly_explained(&Energies { all, quiet });
         assert!(hardly(energy(20.0, 18.0), energy(10.0, 9.0)));
         assert!(!hardly(energy(20.0, 12.0), energy(10.0, 9.0)), "two fifths are gone");
+        let far = |all: Energy, quiet: Energy| is_far_off(&Energies { all, quiet });
         assert!(
-            hardly(energy(600.0, 350.0), energy(90.0, 60.0)),
-            "far beyond what any effect is"
+            far(energy(600.0, 350.0), energy(90.0, 60.0)),
+            "beyond what any effect is"
         );
+        assert!(!far(energy(600.0, 250.0), energy(90.0, 60.0)), "most is explained");
+        assert!(!far(energy(300.0, 190.0), energy(90.0, 60.0)));
         assert!(
             !hardly(energy(20.0, 18.0), energy(10.0, 1.5)),
             "a few loud windows are left"

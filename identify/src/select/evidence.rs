@@ -1,7 +1,7 @@
 //! What speaks for a fitted candidate, and what speaks against it.
 
 use super::beyond::{beyond, sum};
-use super::finalist::{Finalist, HARMFUL};
+use super::finalist::Finalist;
 use super::in_turn::{in_turn, is_hardly_shown};
 use super::round::{Fitted, Round, Side, VALIDATION_GAIN, difference, slices, weak_bar};
 use crate::fit::{Bounded, with_members};
@@ -77,8 +77,7 @@ pub(super) fn judge(data: &Round, fitted: &Fitted, threshold: f64) -> Finalist {
         return finalist;
     };
     if !changed.is_empty() {
-        let may_leave_out = finalist.gain_train >= PROVEN * threshold;
-        validate(data, &data.validation, changed, &mut finalist, may_leave_out);
+        validate(data, &data.validation, changed, &mut finalist, Some(threshold));
         let own = difference(data.train.residuals, &fitted.fit.residuals);
         let change_train = data.train.metric.gram(&[slices(&own)]).at(0, 0);
         finalist.is_unshown = is_hardly_shown(
@@ -93,8 +92,11 @@ pub(super) fn judge(data: &Round, fitted: &Fitted, threshold: f64) -> Finalist {
     let is_asked = finalist.because.is_some() && finalist.is_unshown && finalist.gain_train >= threshold;
     if let Some(changed) = is_asked.then(|| in_turn(data, fitted, threshold)).flatten() {
         // What the validation runs say stands in the report; it decides nothing.
-        let mut asked = finalist.clone();
-        validate(data, &data.train, changed, &mut asked, false);
+        let mut asked = Finalist {
+            is_in_turn: true,
+            ..finalist.clone()
+        };
+        validate(data, &data.train, changed, &mut asked, None);
         let because = gate(data, &asked, threshold);
         finalist.because =
             because.map(|because| because.replace("the validation runs", "training runs with what the others say"));
@@ -106,8 +108,8 @@ pub(super) fn judge(data: &Round, fitted: &Fitted, threshold: f64) -> Finalist {
 
 /// What runs say of a candidate that was not fitted on them.
 ///
-/// - `may_leave_out`: of many windows that it changes one that loses does not count.
-fn validate(data: &Round, side: &Side, changed: Vec<Vec<f64>>, finalist: &mut Finalist, may_leave_out: bool) {
+/// - `threshold`: of many windows one that loses does not count against what gains ten of them on the training runs; `None` where all count.
+fn validate(data: &Round, side: &Side, changed: Vec<Vec<f64>>, finalist: &mut Finalist, threshold: Option<f64>) {
     let bounded = side.bounds.keep(side.metric, side.records, side.residuals, changed);
     let changed = &bounded.residuals;
     let own = difference(side.residuals, changed);
@@ -119,15 +121,23 @@ fn validate(data: &Round, side: &Side, changed: Vec<Vec<f64>>, finalist: &mut Fi
     finalist.change_validation = gram.at(2, 2);
     finalist.harmful = harmful(data, side, changed, weighed, 0);
     finalist.worse = worse(data, side, &bounded, weighed, 0);
-    if may_leave_out && is_harm(finalist) && windows_changed(side, &own) >= MANY_WINDOWS {
+    let proven = threshold.filter(|threshold| finalist.gain_train >= PROVEN * threshold);
+    let harmed = proven.filter(|threshold| is_harm(finalist, [*threshold, alone(data, *threshold)]));
+    if harmed.is_some() && windows_changed(side, &own) >= MANY_WINDOWS {
         finalist.harmful = harmful(data, side, changed, weighed, 1);
         finalist.worse = worse(data, side, &bounded, weighed, 1);
-        finalist.is_but_one = !is_harm(finalist);
+        finalist.is_but_one = true;
     }
 }
 
-fn is_harm(finalist: &Finalist) -> bool {
-    finalist.harmful > HARMFUL || finalist.worse.is_some_and(|(_, share)| share > HARM)
+/// - `thresholds`: asked here, and of an effect alone.
+fn is_harm(finalist: &Finalist, [asked, alone]: [f64; 2]) -> bool {
+    finalist.is_harmful(asked, alone) || finalist.worse.is_some_and(|(_, share)| share > HARM)
+}
+
+/// Threshold of an effect alone.
+fn alone(data: &Round, threshold: f64) -> f64 {
+    threshold / data.thresholds_asked()
 }
 
 fn windows_changed(side: &Side, own: &[Vec<f64>]) -> usize {
@@ -142,7 +152,7 @@ fn law_rest(data: &Round, fitted: &Fitted, threshold: f64) -> Option<String> {
         return None;
     }
     let own = data.own_part(fitted);
-    (own < threshold / data.thresholds_asked()).then(|| {
+    (own < alone(data, threshold)).then(|| {
         format!(
             "all but {own:.0} of the {:.0} that it explains may be what the laws of the effects named so far leave where they act",
             fitted.fit.gain
@@ -296,7 +306,7 @@ pub(super) fn amplitude_in_references(
 fn gate(data: &Round, finalist: &Finalist, threshold: f64) -> Option<String> {
     let least = VALIDATION_GAIN * data.floor.inflation();
     let bars = [weak_bar(data, threshold), threshold, threshold + least];
-    let alone = threshold / data.thresholds_asked();
+    let alone = alone(data, threshold);
     let is_weak_beside = !data.members.is_empty() && finalist.gain_train < threshold;
     let is_doubtful = is_weak_beside && !finalist.is_agreed(alone);
     if is_doubtful || !is_seen(finalist.gain_train, finalist.gain_validation, bars) {

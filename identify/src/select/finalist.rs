@@ -6,11 +6,11 @@ use crate::fit::Member;
 #[cfg(test)]
 use crate::hypothesis::Candidate;
 
-/// Gain on the validation runs over that of an effect of just the fitted size, from which both sides agree on it.
-const AGREED: f64 = 0.75;
+/// Gain on the validation runs over that of an effect of just the fitted size, between which both sides agree on it: they ask for 0.875 to 1.25 of that size.
+const AGREED: core::ops::RangeInclusive<f64> = 0.75..=1.5;
 /// Share of bootstrap replicates of the validation runs that may be worse; of what the training runs show at so many thresholds and the validation runs at the
 /// same size, more: of two runs one that hardly shows it is all of every fourth replicate.
-pub(super) const HARMFUL: f64 = 0.05;
+const HARMFUL: f64 = 0.05;
 const PLAIN: f64 = 2.0;
 const HARMFUL_OF_PLAIN: f64 = 0.15;
 /// Slow to simulate.
@@ -36,7 +36,7 @@ pub struct Finalist {
     pub is_unshown: bool,
     /// It was checked on the training runs, each with what the others say.
     pub is_in_turn: bool,
-    /// It passes because one window that it makes worse is left out.
+    /// One window that it makes worse is left out of what speaks against it.
     pub is_but_one: bool,
     /// Share of bootstrap replicates of the validation runs that it makes worse; of what is proven on the training runs without one window.
     pub harmful: f64,
@@ -64,10 +64,11 @@ impl Finalist {
 
     /// A change that the validation runs show by themselves, at about the size that the training runs ask for.
     ///
-    /// - `threshold`: of an effect alone.
-    pub fn is_agreed(&self, threshold: f64) -> bool {
+    /// - `least_change`: energy by which it changes the validation runs, at least.
+    pub fn is_agreed(&self, least_change: f64) -> bool {
         let is_whole = !self.is_in_turn && !self.is_but_one && self.size >= 1.0;
-        is_whole && self.change_validation >= threshold && self.gain_validation >= AGREED * self.change_validation
+        let is_shown = self.change_validation >= least_change;
+        is_whole && is_shown && AGREED.contains(&(self.gain_validation / self.change_validation))
     }
 
     /// It makes more of the replicates worse than it may.
@@ -148,6 +149,10 @@ mod tests {
         assert!(
             differs(&|other| other.gain_validation = 60.0),
             "eight tenths of the size"
+        );
+        assert!(
+            differs(&|other| other.gain_validation = 160.0),
+            "thirteen tenths, whatever else is in it"
         );
         assert!(differs(&|other| other.change_validation = 30.0), "hardly shown there");
         assert!(differs(&|other| other.size = 0.9), "would be calibration");

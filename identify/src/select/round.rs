@@ -241,7 +241,7 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Kept) -> Result<Sto
     }
     // Where nothing passes a patch may lie between those that were screened.
     if let (None, Some(patch)) = (stop.accepted, patch) {
-        let weak = weak_bar(data, threshold);
+        let weak = data.thresholds_asked() * weak_bar(data, threshold);
         let patches = kept.patches_or(|| survey(workers, data, &data.candidates[patch], weak * data.share()))?;
         let is_seen = begin_at(&mut stop.scores[patch], patches, data.share());
         if is_seen && stop.scores[patch].gain > weak && !kept.is_vain(patch, stop.scores[patch].gain) {
