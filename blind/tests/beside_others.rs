@@ -32,3 +32,27 @@ fn a_toe_that_a_steering_offset_stood_in_for_is_named_beside_a_marker() {
         .collect();
     assert!(others.contains(&"steering_offset"), "{others:?}");
 }
+
+/// A robot with wheels 0.7 % larger, of which the tracker is 17 ms late: with the wheels six points less of the validation runs' gap are explained, and a scale of
+/// the poses, which explains less of the runs, once stood in their place.
+#[test]
+fn larger_wheels_that_both_sides_agree_on_are_named_although_the_gap_grows() {
+    let report = diagnosed("pair", 337, 16, &["wheel_radius", "localization_latency"]);
+    assert_eq!(named(&report), [("localization_latency", None), ("wheel_radius", None)]);
+    let size = |effect: usize| report.effects[effect].parameters[0].value.unwrap_or(0.0);
+    assert!((size(0) - 0.01745).abs() < 0.003, "latency {}", size(0));
+    assert!((size(1) - 0.00706).abs() < 0.001, "radius {}", size(1));
+}
+
+/// A robot with an eccentric wheel that loses a quarter of its set-points: the wheel is a small part of what is wrong, and losses explain half of the rest.
+#[test]
+fn lost_set_points_are_found_beside_an_eccentric_wheel() {
+    let report = diagnosed("pair", 338, 17, &["wheel_eccentricity", "command_hold"]);
+    assert_eq!(
+        named(&report),
+        [("wheel_eccentricity", Some(0)), ("command_hold", None)]
+    );
+    let size = |effect: usize| report.effects[effect].parameters[0].value.unwrap_or(0.0);
+    assert!((size(0) - 0.0183).abs() < 0.003, "amplitude {}", size(0));
+    assert!((size(1) - 0.235).abs() < 0.06, "share {}", size(1));
+}
