@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{diagnosed, named};
+use common::{diagnosed, named, size};
 
 /// A car and a patch of 0.31 m with a fifth of the friction at (-0.49, -0.16) m: of the patches that are screened none lies near enough.
 #[test]
@@ -24,7 +24,7 @@ fn a_patch_between_those_that_are_screened_is_named_where_it_is() {
 fn a_delay_is_named_although_one_stretch_speaks_against_it() {
     let report = diagnosed("single", 230, 47, &["command_delay"]);
     assert_eq!(named(&report), [("command_delay", None)]);
-    let delay = report.effects[0].parameters[0].value.unwrap_or(0.0);
+    let delay = size(&report, 0);
     assert!((delay - 0.01875).abs() < 0.004, "{delay}");
     let is_told = |remark: &String| remark.starts_with("command_delay") && remark.contains("was left out");
     assert!(report.remarks.iter().any(is_told), "{:?}", report.remarks);

@@ -2,14 +2,14 @@
 
 mod common;
 
-use common::{diagnosed, named};
+use common::{diagnosed, named, size};
 
 /// A car of which the tracker is late, and whose track width moves motor currents and hardly anything else.
 #[test]
 fn a_track_width_is_named_beside_a_latency() {
     let report = diagnosed("pair", 330, 1, &["localization_latency", "track_width"]);
     assert_eq!(named(&report), [("localization_latency", None), ("track_width", None)]);
-    let width = report.effects[1].parameters[0].value.unwrap_or(0.0);
+    let width = size(&report, 1);
     assert!((width + 0.0815).abs() < 0.01, "{width}");
 }
 
@@ -22,9 +22,8 @@ fn a_toe_that_a_steering_offset_stood_in_for_is_named_beside_a_marker() {
         named(&report),
         [("wheel_misalignment", Some(2)), ("marker_offset", None)]
     );
-    let size = |effect: usize| report.effects[effect].parameters[0].value.unwrap_or(0.0);
-    assert!((size(0) - 0.0228).abs() < 0.004, "toe {}", size(0));
-    assert!((size(1) - 0.0180).abs() < 0.003, "yaw {}", size(1));
+    assert!((size(&report, 0) - 0.0228).abs() < 0.004, "toe {}", size(&report, 0));
+    assert!((size(&report, 1) - 0.0180).abs() < 0.003, "yaw {}", size(&report, 1));
     let others: Vec<&str> = report.effects[0]
         .excluded
         .iter()
@@ -39,9 +38,16 @@ fn a_toe_that_a_steering_offset_stood_in_for_is_named_beside_a_marker() {
 fn larger_wheels_that_both_sides_agree_on_are_named_although_the_gap_grows() {
     let report = diagnosed("pair", 337, 16, &["wheel_radius", "localization_latency"]);
     assert_eq!(named(&report), [("localization_latency", None), ("wheel_radius", None)]);
-    let size = |effect: usize| report.effects[effect].parameters[0].value.unwrap_or(0.0);
-    assert!((size(0) - 0.01745).abs() < 0.003, "latency {}", size(0));
-    assert!((size(1) - 0.00706).abs() < 0.001, "radius {}", size(1));
+    assert!(
+        (size(&report, 0) - 0.01745).abs() < 0.003,
+        "latency {}",
+        size(&report, 0)
+    );
+    assert!(
+        (size(&report, 1) - 0.00706).abs() < 0.001,
+        "radius {}",
+        size(&report, 1)
+    );
 }
 
 /// A robot with an eccentric wheel that loses a quarter of its set-points: the wheel is a small part of what is wrong, and losses explain half of the rest.
@@ -52,7 +58,10 @@ fn lost_set_points_are_found_beside_an_eccentric_wheel() {
         named(&report),
         [("wheel_eccentricity", Some(0)), ("command_hold", None)]
     );
-    let size = |effect: usize| report.effects[effect].parameters[0].value.unwrap_or(0.0);
-    assert!((size(0) - 0.0183).abs() < 0.003, "amplitude {}", size(0));
-    assert!((size(1) - 0.235).abs() < 0.06, "share {}", size(1));
+    assert!(
+        (size(&report, 0) - 0.0183).abs() < 0.003,
+        "amplitude {}",
+        size(&report, 0)
+    );
+    assert!((size(&report, 1) - 0.235).abs() < 0.06, "share {}", size(&report, 1));
 }

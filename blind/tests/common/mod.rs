@@ -28,3 +28,8 @@ pub fn named(report: &Report) -> Vec<(&str, Option<usize>)> {
     let effects = report.effects.iter();
     effects.map(|effect| (effect.name.as_str(), effect.index)).collect()
 }
+
+/// First size of an effect.
+pub fn size(report: &Report, effect: usize) -> f64 {
+    report.effects[effect].parameters[0].value.unwrap_or(f64::NAN)
+}

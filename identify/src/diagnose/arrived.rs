@@ -143,7 +143,7 @@ impl Question<'_> {
             return Ok(Err(Answer::NotAsked));
         };
         let seen = pooled(&runs);
-        let least = least_share(&wheels[0], self.without_names(workers)?);
+        let least = least_share(&wheels[0], self.wheels_before(workers)?);
         let gains = match self.gains(&runs, &wheels, &model, least) {
             Ok(gains) if seen.open_s >= LEAST_NAMED_S => gains,
             Err(_) if seen.open_s < LEAST_S => return Ok(Err(Answer::Untestable(too_little(seen.open_s)))),
@@ -174,7 +174,7 @@ impl Question<'_> {
     }
 
     /// Energy of the training runs' wheels before anything was named; `None` when nothing is.
-    fn without_names(&self, workers: &dyn Workers) -> Result<Option<f64>, Cancelled> {
+    fn wheels_before(&self, workers: &dyn Workers) -> Result<Option<f64>, Cancelled> {
         if self.members.is_empty() {
             return Ok(None);
         }

@@ -30,6 +30,7 @@ use crate::workers::Workers;
 const TESTABLE: f64 = 5.0;
 /// Calibration is listed from this many standard deviations.
 const LISTED: f64 = 3.0;
+
 pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagnosis, DiagnoseError> {
     let members: Vec<_> = case.fit.as_ref().map_or_else(Vec::new, |fit| fit.members.clone());
     let mut after = with_members(&case.floor.model, &members);

@@ -278,7 +278,7 @@ fn without(members: &[Member], place: usize) -> Vec<Member> {
     others.map(|(_, member)| member.clone()).collect()
 }
 
-fn is_same(a: &Candidate, b: &Candidate) -> bool {
+pub(super) fn is_same(a: &Candidate, b: &Candidate) -> bool {
     a.entry.name == b.entry.name && a.index == b.index
 }
 

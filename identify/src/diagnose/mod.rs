@@ -457,8 +457,6 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
         };
         let joint = about.best(&mut taken, joint)?;
         case.taken = taken;
-        // Of other names, or at another size, nobody agreed.
-        let is_agreed = is_agreed && is_as_agreed(&members, &joint.members);
         if let Some(because) = adds_nothing(
             workers,
             case,
@@ -510,13 +508,6 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
         }
         case.located = located.clone();
     }
-}
-
-/// The same names after a fit of all, the newest still a change.
-fn is_as_agreed(before: &[Member], after: &[Member]) -> bool {
-    let of = |member: &Member| (member.candidate.entry.name, member.candidate.index);
-    let is_change = after.last().is_some_and(|own| own.candidate.size(&own.values) >= 1.0);
-    is_change && before.iter().map(of).eq(after.iter().map(of))
 }
 
 /// Levels of the references, and of training and validation runs.

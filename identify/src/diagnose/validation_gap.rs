@@ -1,6 +1,7 @@
 //! Names are held against the gap of the validation runs as well, in which every channel and horizon counts. Of the residuals' energy, by
 //! which effects are found, a few loud moments may be most: a wheel that slips a little earlier than in the twin.
 
+use super::exchange::is_same;
 use super::gap_table::ValidationGap;
 use super::prepared::Prepared;
 use super::{Case, TINY};
@@ -34,7 +35,7 @@ const FAR_LESS: f64 = 0.25;
 ///
 /// - `validation`: under the model without it.
 /// - `before`, `after`: what is in the model without it and with it.
-/// - `is_agreed`: training and validation runs ask for the same size of it.
+/// - `is_agreed`: training and validation runs ask for the same size of it, beside the names of `before`.
 pub(super) fn adds_nothing(
     workers: &dyn Workers,
     case: &Case,
@@ -51,7 +52,7 @@ pub(super) fn adds_nothing(
     let Some([old, new]) = explained.and_then(|explained| <[f64; 2]>::try_from(explained).ok()) else {
         return Ok(None);
     };
-    if is_agreed && new >= old - ADDS.max(AGREED_GROWS * (1.0 - old)) {
+    if is_agreed && is_as_agreed(before, after) && grows_little(old, new) {
         return Ok(None);
     }
     let is_change = after.last().is_some_and(|own| own.candidate.size(&own.values) >= TINY);
@@ -67,6 +68,18 @@ pub(super) fn adds_nothing(
             100.0 * old
         )
     }))
+}
+
+/// A fit of all left the names before it, and a change of the newest: of others, or of another size, nobody agreed.
+fn is_as_agreed(before: &[Member], after: &[Member]) -> bool {
+    let is_change = after.last().is_some_and(|own| own.candidate.size(&own.values) >= 1.0);
+    let mut earlier = before.iter().zip(after);
+    is_change && earlier.all(|(before, after)| is_same(&before.candidate, &after.candidate))
+}
+
+/// - `old`, `new`: shares of the gap that are explained.
+fn grows_little(old: f64, new: f64) -> bool {
+    new >= old - ADDS.max(AGREED_GROWS * (1.0 - old))
 }
 
 /// What counts of the energy that an effect takes: by how much the gap grows, and by its size.
@@ -177,6 +190,8 @@ fn choice(known: &[(usize, f64)]) -> (usize, Vec<usize>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::hypothesis::{Excitation, candidates};
+    use twin::golden::reference_robot;
 
     /// Energies of validation runs of cars with two effects, the second of which shows on currents alone, and of rests of their laws.
     #[test]
@@ -220,6 +235,41 @@ mod tests {
         new[0] = old[0];
         (old[2], new[2]) = (250.0, 210.0);
         assert!(!takes(&old, &new, &noise, true), "most of next to nothing");
+    }
+
+    #[test]
+    fn with_what_both_sides_agree_on_the_gap_may_grow_a_little() {
+        assert!(grows_little(0.551, 0.490), "an eighth of what is left");
+        assert!(!grows_little(0.551, 0.450), "more than a fifth");
+        assert!(
+            grows_little(1.02, 1.011) && !grows_little(1.02, 1.0),
+            "nothing is left to grow"
+        );
+    }
+
+    #[test]
+    fn agreed_is_a_change_beside_the_names_that_were_there() {
+        let all = candidates(&reference_robot("diff2"), &Excitation::default());
+        let member = |name: &str, practical: f64| {
+            let Some(candidate) = all.iter().find(|candidate| candidate.entry.name == name) else {
+                panic!("no {name} in the library");
+            };
+            let axes = candidate.axes.iter();
+            Member {
+                values: axes.map(|axis| axis.neutral + practical * axis.practical).collect(),
+                candidate: candidate.clone(),
+            }
+        };
+        let [latency, radius, scale] =
+            ["localization_latency", "wheel_radius", "pose_scale"].map(|name| member(name, 2.0));
+        let joint = [latency.clone(), radius.clone()];
+        assert!(is_as_agreed(&joint[..1], &joint));
+        assert!(!is_as_agreed(&[scale], &joint), "an earlier name was exchanged");
+        let small = [latency, member("wheel_radius", 0.9)];
+        assert!(
+            !is_as_agreed(&joint[..1], &small),
+            "beside the others it would be calibration"
+        );
     }
 
     #[test]

@@ -305,11 +305,16 @@ pub(super) fn amplitude_in_references(
 
 fn gate(data: &Round, finalist: &Finalist, threshold: f64) -> Option<String> {
     let least = VALIDATION_GAIN * data.floor.inflation();
-    let bars = [weak_bar(data, threshold), threshold, threshold + least];
     let alone = alone(data, threshold);
-    let is_weak_beside = !data.members.is_empty() && finalist.gain_train < threshold;
-    let is_doubtful = is_weak_beside && !finalist.is_agreed(alone);
-    if is_doubtful || !is_seen(finalist.gain_train, finalist.gain_validation, bars) {
+    // Beside others nothing weak counts that both sides do not agree on.
+    let may_be_weak = data.members.is_empty() || finalist.is_agreed(alone);
+    let weak = if may_be_weak {
+        weak_bar(data, threshold)
+    } else {
+        threshold
+    };
+    let bars = [weak, threshold, threshold + least];
+    if !is_seen(finalist.gain_train, finalist.gain_validation, bars) {
         return Some(format!(
             "gain {:.0} on the training runs is below the threshold {threshold:.0}",
             finalist.gain_train
