@@ -14,6 +14,10 @@ use crate::{page, paths, run};
 /// Digest by the name of its trace.
 type Digests = BTreeMap<String, String>;
 
+/// The program that prints them.
+const RUN: [&str; 5] = ["run", "--quiet", "--locked", "--bin", "robopheus-digests"];
+/// For builds that nothing else is built with: only the features that it needs.
+const OWN_PACKAGE: [&str; 2] = ["--package", "controllers"];
 /// Fewer traces than this are not the gallery.
 const LEAST_TRACES: usize = 500;
 /// Longest run of all traces in the browser; a few seconds are usual.
@@ -23,14 +27,16 @@ const WIDE_FLAGS: &str = "target.x86_64-unknown-linux-gnu.rustflags=[\"-Ctarget-
 
 /// Compares the digests of all gallery scenarios, effects, residuals and own controllers between the builds.
 pub fn give_equal_bits(chromium: &Path) -> Result<()> {
-    let reference = timed("dev", || native(&["--profile", "dev"]))?;
+    let reference = timed("dev", || native(&[]))?;
     if reference.len() < LEAST_TRACES || reference.values().any(String::is_empty) {
         bail!("only {} traces, or one without a digest", reference.len());
     }
     let others = std::thread::scope(|scope| -> Result<Vec<(&str, Digests)>> {
         // Takes two minutes on one core, the compilation of the others the other core.
-        let slow = scope.spawn(|| timed("unoptimised", || native(&["--profile", "unoptimised"])));
-        let mut others = vec![("release", timed("release", || native(&["--release"]))?)];
+        let unoptimised = [&["--profile", "unoptimised"], &OWN_PACKAGE[..]].concat();
+        let slow = scope.spawn(move || timed("unoptimised", || native(&unoptimised)));
+        let release = [&["--release"], &OWN_PACKAGE[..]].concat();
+        let mut others = vec![("release", timed("release", || native(&release))?)];
         if has_wide_vectors() {
             others.push(("AVX2 and FMA", timed("AVX2 and FMA", wide)?));
         } else {
@@ -70,16 +76,7 @@ fn timed(build: &str, digests: impl FnOnce() -> Result<Digests>) -> Result<Diges
 }
 
 fn native(arguments: &[&str]) -> Result<Digests> {
-    let mut command = run::cargo([
-        "run",
-        "--quiet",
-        "--locked",
-        "--package",
-        "controllers",
-        "--example",
-        "digests",
-    ]);
-    read(command.args(arguments))
+    read(run::cargo(RUN).args(arguments))
 }
 
 fn read(command: &mut Command) -> Result<Digests> {
@@ -100,15 +97,8 @@ fn has_wide_vectors() -> bool {
 fn wide() -> Result<Digests> {
     let program_folder = paths::program_folder()?;
     let folder = program_folder.parent().context("no target folder")?.join("x86-64-v3");
-    let mut command = run::cargo([
-        "run",
-        "--quiet",
-        "--locked",
-        "--package",
-        "controllers",
-        "--example",
-        "digests",
-    ]);
+    let mut command = run::cargo(RUN);
+    command.args(OWN_PACKAGE);
     command.args(["--target", HOST_TRIPLE, "--config", WIDE_FLAGS, "--target-dir"]);
     read(
         command

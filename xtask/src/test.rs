@@ -13,8 +13,8 @@ use crate::{End, builds, bundle, check, paths, run};
 
 /// Longest smoke run; it drives one short experiment.
 const SMOKE_LIMIT: Duration = Duration::from_secs(10 * 60);
-/// Packages of the browser's side; not among the default members.
-const BROWSER_PACKAGES: [&str; 4] = ["--package", "web-ui", "--package", "sim-wasm"];
+/// Packages of the browser's side.
+const BROWSER_PACKAGES: [&str; 2] = ["web-ui", "sim-wasm"];
 /// A Cortex-M3, as on the paper's drive boards (SAM3X).
 const FIRMWARE_TRIPLE: &str = "thumbv7m-none-eabi";
 const SYSTEM_PACKAGE: &str = "system-tests";
@@ -79,7 +79,7 @@ pub fn smoke() -> Result<End> {
     Ok(End::Good)
 }
 
-/// The programs, with the same package selection as `up`, so that nothing is built twice.
+/// The programs. Here, in `up` and in tests no packages are selected: with other features most would be built twice.
 pub fn build() -> Result<()> {
     run::succeed(&mut run::cargo(["build", "--locked", "--bins"]))
 }
@@ -123,18 +123,15 @@ pub fn with_database(found: &Found, tests: impl FnOnce(&str) -> Result<()>) -> R
 /// Every package but the whole-system tests and the browser's side, with further variables set.
 pub fn package_tests(database_url: &str, variables: &[(&str, String)]) -> Result<()> {
     let mut command = if has_nextest() {
-        let everything_else = format!("not package({SYSTEM_PACKAGE})");
+        let [page, simulation] = BROWSER_PACKAGES;
+        let everything_else =
+            format!("not package({SYSTEM_PACKAGE}) and not package({page}) and not package({simulation})");
         run::cargo(["nextest", "run", "--locked", "--filterset", &everything_else])
     } else {
         let mut command = run::cargo(["test", "--locked", "--workspace", "--lib", "--bins", "--tests"]);
-        command.args([
-            "--exclude",
-            SYSTEM_PACKAGE,
-            "--exclude",
-            "web-ui",
-            "--exclude",
-            "sim-wasm",
-        ]);
+        for other in BROWSER_PACKAGES.iter().chain(&[SYSTEM_PACKAGE]) {
+            command.args(["--exclude", other]);
+        }
         command
     };
     command.envs(variables.iter().map(|(name, value)| (name, value)));
@@ -148,12 +145,19 @@ fn onnx_variable() -> Vec<(&'static str, String)> {
 }
 
 fn browser_side_tests() -> Result<()> {
-    let mut command = if has_nextest() {
-        run::cargo(["nextest", "run", "--locked"])
-    } else {
-        run::cargo(["test", "--locked"])
-    };
-    run::succeed(command.args(BROWSER_PACKAGES))
+    let [page, simulation] = BROWSER_PACKAGES;
+    if has_nextest() {
+        let own = format!("package({page}) or package({simulation})");
+        return run::succeed(&mut run::cargo(["nextest", "run", "--locked", "--filterset", &own]));
+    }
+    run::succeed(&mut run::cargo([
+        "test",
+        "--locked",
+        "--package",
+        page,
+        "--package",
+        simulation,
+    ]))
 }
 
 /// One experiment from submission to archive on a system of its own.

@@ -1,5 +1,5 @@
 //! Prints the digests of every gallery scenario, effect, residual and own controller as JSON, for the comparison of builds:
-//! `cargo run -p controllers --example digests`.
+//! `cargo run --bin robopheus-digests`.
 
 fn main() -> Result<(), serde_json::Error> {
     let mut all = control::gallery::digests();
