@@ -14,16 +14,7 @@ pub struct BlindArguments {
 
 /// `cargo xtask blind`.
 pub fn blind(arguments: &BlindArguments) -> Result<End> {
-    let mut bench = run::cargo([
-        "run",
-        "--quiet",
-        "--locked",
-        "--package",
-        "blind",
-        "--bin",
-        "robopheus-blind",
-        "--",
-    ]);
+    let mut bench = run::cargo(["run", "--quiet", "--locked", "--bin", "robopheus-blind", "--"]);
     run::succeed(bench.args(&arguments.options))?;
     Ok(End::Good)
 }

@@ -86,17 +86,7 @@ fn gap(arguments: &GapArguments) -> Result<End> {
 }
 
 fn abc(arguments: &AbcArguments) -> Result<End> {
-    let mut command = run::cargo([
-        "run",
-        "--quiet",
-        "--locked",
-        "--package",
-        "drills",
-        "--bin",
-        "robopheus-drills",
-        "--",
-        "abc",
-    ]);
+    let mut command = run::cargo(["run", "--quiet", "--locked", "--bin", "robopheus-drills", "--", "abc"]);
     for chassis in &arguments.chassis {
         command.args(["--chassis", chassis]);
     }

@@ -97,16 +97,7 @@ fn main() -> ExitCode {
 /// Draws the twin's page.
 fn gallery() -> anyhow::Result<End> {
     let page = paths::root().join("target/gallery.html");
-    let mut draw = run::cargo([
-        "run",
-        "--quiet",
-        "--locked",
-        "--package",
-        "twin",
-        "--example",
-        "gallery",
-        "--",
-    ]);
+    let mut draw = run::cargo(["run", "--quiet", "--locked", "--example", "gallery", "--"]);
     run::succeed(draw.arg(&page))?;
     Ok(End::Good)
 }
