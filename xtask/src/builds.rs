@@ -1,5 +1,5 @@
-//! The twin gives the same bits in every build: unoptimised with overflow checks, optimised, with wider vector
-//! instructions (fused multiply-add is there and must not be used), and in the browser's engine.
+//! The twin gives the same bits in every build: unoptimised with overflow checks, optimised, for this processor and for the
+//! oldest (fused multiply-add may be there and must not be used), and in the browser's engine.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -22,8 +22,8 @@ const OWN_PACKAGE: [&str; 2] = ["--package", "controllers"];
 const LEAST_TRACES: usize = 500;
 /// Longest run of all traces in the browser; a few seconds are usual.
 const BROWSER_LIMIT: Duration = Duration::from_secs(180);
-/// AVX2 and fused multiply-add, as on every desktop processor since 2013.
-const WIDE_FLAGS: &str = "target.x86_64-unknown-linux-gnu.rustflags=[\"-Ctarget-cpu=x86-64-v3\"]";
+/// SSE2 and nothing newer, where all else is built for this processor (`.cargo/config.toml`).
+const NARROW_FLAGS: &str = "-Ctarget-cpu=x86-64";
 
 /// Compares the digests of all gallery scenarios, effects, residuals and own controllers between the builds.
 pub fn give_equal_bits(chromium: &Path) -> Result<()> {
@@ -37,10 +37,10 @@ pub fn give_equal_bits(chromium: &Path) -> Result<()> {
         let slow = scope.spawn(move || timed("unoptimised", || native(&unoptimised)));
         let release = [&["--release"], &OWN_PACKAGE[..]].concat();
         let mut others = vec![("release", timed("release", || native(&release))?)];
-        if has_wide_vectors() {
-            others.push(("AVX2 and FMA", timed("AVX2 and FMA", wide)?));
+        if cfg!(target_arch = "x86_64") {
+            others.push(("SSE2", timed("SSE2", narrow)?));
         } else {
-            println!("AVX2 and FMA: left out, this processor has none");
+            println!("SSE2: left out, this processor has none");
         }
         others.push(("WebAssembly", timed("WebAssembly", || in_browser(chromium))?));
         let slow = slow
@@ -83,28 +83,18 @@ fn read(command: &mut Command) -> Result<Digests> {
     serde_json::from_str(&run::read(command)?).context("digests as JSON")
 }
 
-#[cfg(target_arch = "x86_64")]
-fn has_wide_vectors() -> bool {
-    std::is_x86_feature_detected!("avx2") && std::is_x86_feature_detected!("fma")
-}
-
-#[cfg(not(target_arch = "x86_64"))]
-fn has_wide_vectors() -> bool {
-    false
-}
-
 /// In a folder of its own: other flags would throw away what the usual build has made.
-fn wide() -> Result<Digests> {
+fn narrow() -> Result<Digests> {
     let program_folder = paths::program_folder()?;
-    let folder = program_folder.parent().context("no target folder")?.join("x86-64-v3");
+    let folder = program_folder.parent().context("no target folder")?.join("sse2");
     let mut command = run::cargo(RUN);
     command.args(OWN_PACKAGE);
-    command.args(["--target", HOST_TRIPLE, "--config", WIDE_FLAGS, "--target-dir"]);
+    command.args(["--target", HOST_TRIPLE, "--target-dir"]);
     read(
         command
             .arg(folder)
             .env_remove("RUSTFLAGS")
-            .env_remove("CARGO_ENCODED_RUSTFLAGS"),
+            .env("CARGO_ENCODED_RUSTFLAGS", NARROW_FLAGS),
     )
 }
 
