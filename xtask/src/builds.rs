@@ -25,18 +25,34 @@ const BROWSER_LIMIT: Duration = Duration::from_secs(180);
 /// SSE2 and nothing newer, where all else is built for this processor (`.cargo/config.toml`).
 const NARROW_FLAGS: &str = "-Ctarget-cpu=x86-64";
 
+/// Which builds are compared with the one for development.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Extent {
+    /// Release and WebAssembly, what runs in laboratories.
+    Shipped,
+    /// The unoptimised one and SSE2 as well: eight minutes more on two cores.
+    All,
+}
+
 /// Compares the digests of all gallery scenarios, effects, residuals and own controllers between the builds.
-pub fn give_equal_bits(chromium: &Path) -> Result<()> {
+pub fn give_equal_bits(chromium: &Path, extent: Extent) -> Result<()> {
     let reference = timed("dev", || native(&[]))?;
     if reference.len() < LEAST_TRACES || reference.values().any(String::is_empty) {
         bail!("only {} traces, or one without a digest", reference.len());
+    }
+    if extent == Extent::Shipped {
+        let others = vec![
+            ("release", timed("release", release)?),
+            ("WebAssembly", timed("WebAssembly", || in_browser(chromium))?),
+        ];
+        println!("unoptimised, SSE2: left out (`cargo xtask test --only builds` and `cargo xtask soak` compare them)");
+        return all_equal(&reference, &others);
     }
     let others = std::thread::scope(|scope| -> Result<Vec<(&str, Digests)>> {
         // Takes two minutes on one core, the compilation of the others the other core.
         let unoptimised = [&["--profile", "unoptimised"], &OWN_PACKAGE[..]].concat();
         let slow = scope.spawn(move || timed("unoptimised", || native(&unoptimised)));
-        let release = [&["--release"], &OWN_PACKAGE[..]].concat();
-        let mut others = vec![("release", timed("release", || native(&release))?)];
+        let mut others = vec![("release", timed("release", release)?)];
         if cfg!(target_arch = "x86_64") {
             others.push(("SSE2", timed("SSE2", narrow)?));
         } else {
@@ -49,9 +65,13 @@ pub fn give_equal_bits(chromium: &Path) -> Result<()> {
         others.push(("unoptimised", slow?));
         Ok(others)
     })?;
+    all_equal(&reference, &others)
+}
+
+fn all_equal(reference: &Digests, others: &[(&str, Digests)]) -> Result<()> {
     let differences: Vec<String> = others
         .iter()
-        .flat_map(|(build, digests)| differing(build, &reference, digests))
+        .flat_map(|(build, digests)| differing(build, reference, digests))
         .collect();
     if !differences.is_empty() {
         bail!("{} digests differ: {}", differences.len(), differences.join(", "));
@@ -73,6 +93,10 @@ fn timed(build: &str, digests: impl FnOnce() -> Result<Digests>) -> Result<Diges
         begun.elapsed().as_secs_f64()
     );
     Ok(got)
+}
+
+fn release() -> Result<Digests> {
+    native(&[&["--release"], &OWN_PACKAGE[..]].concat())
 }
 
 fn native(arguments: &[&str]) -> Result<Digests> {

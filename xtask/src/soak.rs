@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use anyhow::Result;
 use clap::Args;
 
+use crate::builds::Extent;
 use crate::setup::{Found, Needs, set_up};
 use crate::stages::Stages;
 use crate::{End, test};
@@ -42,7 +43,7 @@ pub fn soak(arguments: &SoakArguments) -> Result<End> {
     let Some(found) = set_up(Needs {
         wasm: everything,
         postgres: true,
-        browser: false,
+        browser: everything,
         python: everything,
     })?
     else {
@@ -74,6 +75,10 @@ fn for_long(stages: &mut Stages, built: bool, found: &Found, arguments: &SoakArg
         test::with_database(found, |url| {
             test::package_tests(url, &[("PROPTEST_CASES", arguments.cases.to_string())])
         })
+    });
+    let bundled = stages.run("wasm", || test::build_bundles(found));
+    stages.run_if(bundled, "the bundles are not built", "builds", || {
+        test::compare_builds(found, Extent::All)
     });
     for _ in 0..arguments.smokes {
         stages.run_if(built, "the build failed", "smoke", test::run_smoke);

@@ -6,6 +6,7 @@ use std::time::Duration;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 
+use crate::builds::Extent;
 use crate::cluster::DisposableServer;
 use crate::setup::{Found, Needs, onnx_runtime, set_up};
 use crate::stages::Stages;
@@ -51,8 +52,13 @@ pub fn test(arguments: &TestArguments) -> Result<End> {
         run::succeed(&mut run::cargo(["test", "--quiet", "--locked", "--doc"]))
     });
     stages.run("browser-side", browser_side_tests);
+    let extent = if arguments.only.is_empty() {
+        Extent::Shipped
+    } else {
+        Extent::All
+    };
     stages.run_if(bundled, "the bundles are not built", "builds", || {
-        compare_builds(&found)
+        compare_builds(&found, extent)
     });
     let ready = built && bundled;
     stages.run_if(ready, "the programs or bundles are not built", "smoke", run_smoke);
@@ -84,7 +90,7 @@ pub fn build() -> Result<()> {
     run::succeed(&mut run::cargo(["build", "--locked", "--bins"]))
 }
 
-fn build_bundles(found: &Found) -> Result<()> {
+pub fn build_bundles(found: &Found) -> Result<()> {
     bundle::build(found.wasm.as_ref().context("no wasm toolchain after setup")?)
 }
 
@@ -109,9 +115,10 @@ fn add_firmware(stages: &mut Stages, found: &Found) {
     });
 }
 
-/// The twin's bits in debug, release, with wider vectors and in WebAssembly.
-fn compare_builds(found: &Found) -> Result<()> {
-    builds::give_equal_bits(&found.browser.as_ref().context("no browser after setup")?.chromium)
+/// The twin's bits in builds of several kinds, WebAssembly among them.
+pub fn compare_builds(found: &Found, extent: Extent) -> Result<()> {
+    let browser = found.browser.as_ref().context("no browser after setup")?;
+    builds::give_equal_bits(&browser.chromium, extent)
 }
 
 /// Runs tests against a server of their own; an address given by the user is not touched.
