@@ -64,6 +64,7 @@ async fn write(browser: &Browser, text: &str) -> anyhow::Result<()> {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+#[ignore = "five minutes on two slow cores: cargo xtask soak page"]
 async fn somebody_writes_a_controller_and_sees_robots_follow_it() -> anyhow::Result<()> {
     let system = System::start("own-page").await?;
     let browser = Browser::open(&system.base, &system.data).await?;

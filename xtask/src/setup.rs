@@ -11,7 +11,7 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 
-pub use browser::Browser;
+pub use browser::{Browser, find as find_browser};
 pub use onnxruntime::find as onnx_runtime;
 pub use postgres::PostgresBinaries;
 pub use wasm_target::WasmToolchain;

@@ -18,7 +18,7 @@ const REAL_LOGS: &str = "ROBOPHEUS_REAL_LOGS";
 
 #[derive(Args)]
 pub struct SoakArguments {
-    /// Only these rows (S1 to S14, X1 to X7, names, a part as in S10-driving); without: all, and the tests and smoke runs for long
+    /// Only these rows (S1 to S14, X1 to X7, names, page, a part as in S10-driving); without: all, and the tests and smoke runs for long
     pub rows: Vec<String>,
     /// Rows that were measured at this commit are not measured again
     #[arg(long)]

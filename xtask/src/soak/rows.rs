@@ -1,4 +1,4 @@
-//! Rows of the reliability goals, each at its full count: a drill in virtual time, or tests that are ignored otherwise. `names` are sets of the blind bench that were mended once.
+//! Rows of the reliability goals, each at its full count: a drill in virtual time, or tests that are ignored otherwise. `names` are sets of the blind bench that were mended once, `page` is a long way through the page.
 
 use std::fs;
 use std::io::{BufRead, BufReader};
@@ -7,6 +7,7 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, bail};
 
+use crate::setup::find_browser;
 use crate::{paths, run, test};
 
 /// How a row is measured.
@@ -66,6 +67,7 @@ pub const ROWS: &[Row] = &[
     drill("S14", "ladder"),
     ignored("names", "blind", "alone", ""),
     ignored("names-beside", "blind", "beside_others", ""),
+    ignored("page", "system-tests", "own_page", ""),
     ignored("X1", "sandbox", "rows", "x1"),
     ignored("X2", "sandbox", "rows", "x2"),
     ignored("X3", "sandbox", "rows", "x3"),
@@ -190,6 +192,9 @@ impl Row {
                     command
                 };
                 test::export_own_program(&mut command)?;
+                if let Ok(browser) = find_browser() {
+                    browser.export(&mut command);
+                }
                 Ok(command)
             }
         }
