@@ -49,7 +49,7 @@ pub fn give_equal_bits(chromium: &Path, extent: Extent) -> Result<()> {
         return all_equal(&reference, &others);
     }
     let others = std::thread::scope(|scope| -> Result<Vec<(&str, Digests)>> {
-        // Takes two minutes on one core, the compilation of the others the other core.
+        // Minutes on one core, for interpreters are unoptimised as well; the compilation of the others has the other core.
         let unoptimised = [&["--profile", "unoptimised"], &OWN_PACKAGE[..]].concat();
         let slow = scope.spawn(move || timed("unoptimised", || native(&unoptimised)));
         let mut others = vec![("release", timed("release", release)?)];
