@@ -392,7 +392,10 @@ fn rest(case: &Case, effects: &[NamedEffect], absorbed: &[Absorbed]) -> (Vec<Rej
         let mentioned = effects
             .iter()
             .any(|effect| effect.name == entry.name || effect.alternatives.iter().any(|other| other == entry.name));
-        if mentioned || absorbed.iter().any(|absorbed| absorbed.name == entry.name) {
+        // What the references had of a name does not tell why more of it was not believed.
+        let is_withdrawn = case.withdrawn.iter().any(|(name, _)| *name == entry.name);
+        let is_absorbed = absorbed.iter().any(|absorbed| absorbed.name == entry.name);
+        if mentioned || is_absorbed && !is_withdrawn {
             continue;
         }
         let robot = &case.floor.given.description;
@@ -436,7 +439,7 @@ fn rest(case: &Case, effects: &[NamedEffect], absorbed: &[Absorbed]) -> (Vec<Rej
             }
         } else if own.is_empty() {
             untested("these runs command nothing that it could act on".to_owned());
-        } else if sensitivity < TESTABLE {
+        } else if sensitivity < TESTABLE && !is_withdrawn {
             untested(format!(
                 "at its practical size it moves the channels of these runs by {sensitivity:.1} standard deviations; 5 are needed{}",
                 missing(case)

@@ -98,6 +98,7 @@ pub(super) fn drop_doubtful(
         return Ok(false);
     }
     let (is_fitted, inflation) = (case.fit.is_some(), case.floor.inflation());
+    let is_beside_sure = case.taken.iter().any(Taken::vouches);
     let why = |taken: &Taken| {
         if taken.suspected.is_some() && (taken.tiny || !is_fitted) {
             return Some("hardly any of it is left on all open runs together".to_owned());
@@ -110,8 +111,8 @@ pub(super) fn drop_doubtful(
                     .to_owned(),
             );
         }
-        let doubts = taken.doubts();
-        (!taken.tiny && doubts.len() >= TOO_MANY).then(|| format!("is doubted more than once: {}", doubts.join("; ")))
+        let is_doubted = !taken.tiny && taken.independent_doubts(is_beside_sure) >= TOO_MANY;
+        is_doubted.then(|| format!("is doubted more than once: {}", taken.doubts().join("; ")))
     };
     let doubtful: Vec<Option<String>> = case.taken.iter().map(why).collect();
     if doubtful.iter().all(Option::is_none) || doubtful.len() != members.len() {

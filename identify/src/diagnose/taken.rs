@@ -122,15 +122,6 @@ impl Taken {
                 "{name}: the runs kept for checking hardly show it, so it was checked on the training runs in turn; not confirmed without new runs that show it"
             )
         });
-        // A load may differ from run to run. Of what does not, and is only suspected, no gain makes up for a size that may be none; nor of
-        // losses, which explain whatever set-points that are put elsewhere explain.
-        let is_of_a_run = self.suspected.is_none() || name == LOAD;
-        let is_sure = is_of_a_run && name != LOST && self.finalist.gain() >= SURELY * self.threshold;
-        let nothing = (self.may_be_none && !is_sure).then(|| {
-            format!(
-                "{name}: by the interval of its size there may be none of it, although it explains what chance does not"
-            )
-        });
         let suspected = self.suspected.as_ref().map(|because| {
             let why = if self.finalist.is_unshown {
                 "only some runs show it, and those kept for checking hardly do"
@@ -139,8 +130,35 @@ impl Taken {
             };
             format!("{name}: {why} ({because}); not confirmed without new runs that show it")
         });
-        let doubts = uneven.into_iter().chain(in_turn).chain(nothing);
+        let doubts = uneven.into_iter().chain(in_turn).chain(self.nothing());
         doubts.chain(suspected).collect()
+    }
+
+    /// Why there may be none of it.
+    fn nothing(&self) -> Option<String> {
+        let name = self.finalist.member.candidate.entry.name;
+        // A load may differ from run to run. Of what does not, and is only suspected, no gain makes up for a size that may be none; nor of
+        // losses, which explain whatever set-points that are put elsewhere explain.
+        let is_of_a_run = self.suspected.is_none() || name == LOAD;
+        let is_sure = is_of_a_run && name != LOST && self.finalist.gain() >= SURELY * self.threshold;
+        (self.may_be_none && !is_sure).then(|| {
+            format!(
+                "{name}: by the interval of its size there may be none of it, although it explains what chance does not"
+            )
+        })
+    }
+
+    /// Number of its doubts of which none follows from another. Where something else has surely changed and there is some of this on average, an interval
+    /// that is wide because stretches differ is no second doubt beside that they do.
+    pub fn independent_doubts(&self, is_beside_sure: bool) -> usize {
+        let is_uneven = self.uneven().is_some() && !self.is_reconciled();
+        let is_width_alone = is_uneven && self.nothing().is_some() && !self.may_be_none_on_average;
+        self.doubts().len() - usize::from(is_beside_sure && is_width_alone)
+    }
+
+    /// It is a change for sure, which vouches that this robot is not as it was.
+    pub fn vouches(&self) -> bool {
+        !self.tiny && self.finalist.size >= 1.0 && self.doubts().is_empty()
     }
 
     /// Why it is not confirmed although nothing says that it is not there: its law may be another one.
@@ -275,6 +293,34 @@ mod tests {
             ..none
         };
         assert_eq!(load.doubts().len(), 1, "runs may have had other loads");
+    }
+
+    #[test]
+    fn a_wide_interval_is_no_second_doubt_beside_what_made_it_wide() {
+        let uneven = Taken {
+            may_be_none: true,
+            evenness: Some(Evenness {
+                spread: 0.8,
+                surprise: 7.5,
+                of_mean: 0.15,
+            }),
+            ..taken(OFFSET, 5.0)
+        };
+        assert_eq!(uneven.doubts().len(), 2, "both are told");
+        assert_eq!(uneven.independent_doubts(true), 1);
+        assert_eq!(uneven.independent_doubts(false), 2, "nothing vouches for it");
+        assert!(!uneven.vouches() && taken(OFFSET, 5.0).vouches());
+        let none_on_average = Taken {
+            may_be_none_on_average: true,
+            ..uneven.clone()
+        };
+        assert_eq!(none_on_average.independent_doubts(true), 2);
+        let mut in_turn = Taken {
+            may_be_none: false,
+            ..uneven
+        };
+        in_turn.finalist.is_in_turn = true;
+        assert_eq!(in_turn.independent_doubts(true), 2, "neither follows from the other");
     }
 
     /// Held set-points that are placed where they explain most explain other faults as well.
