@@ -4,11 +4,11 @@ use crate::effects::Truth;
 use crate::fit::cosine;
 use crate::kind::Kind;
 use crate::namer::name;
-use crate::score::{Facts, Named, named, removed, score};
+use crate::score::{Facts, Named, REMOVED, named, removed, score};
 use crate::set::{Driven, Known, Set, Wish};
 use crate::telemetry::hex;
 use crate::truth::{Sealed, Vault};
-use anyhow::{Context, Result, anyhow};
+use anyhow::{Context, Result, anyhow, ensure};
 use identify::diagnose::Diagnosis;
 use identify::report::schema::{NamedEffect, Report, Verdict};
 use serde::{Deserialize, Serialize};
@@ -68,6 +68,52 @@ impl Line {
             name_s: 0.0,
         }
     }
+
+    /// What reports said of a set, and how right that was.
+    fn judge(&mut self, set: &Set, driven: &Driven, sealed: &Sealed, reports: &[Report]) {
+        let alike = |effect: &NamedEffect, known: &Known| is_alike(set, driven, effect, known);
+        self.facts = score(sealed, reports, &alike);
+        self.named = reports.iter().map(|report| named(sealed, report, &alike)).collect();
+    }
+}
+
+/// Scores the reports that were kept of a set again: the runs are made anew, nothing is diagnosed.
+///
+/// - `kept`: folder of kept sets.
+/// - Errors: a truth or a report that is not the one of the line; no report.
+pub fn rescored(seed: u64, old: &Line, wish: &Wish, vault: &Vault, kept: &Path) -> Result<Line> {
+    let set = Set::new(seed, old.set, wish)?;
+    let mut line = old.clone();
+    if old.error.is_some() {
+        return Ok(line);
+    }
+    let driven = set.driven(0)?;
+    let sealed = vault.open(old.set, &old.seal)?;
+    let folder = kept.join(format!("{:06}", old.set));
+    let mut reports = Vec::new();
+    for (position, wanted) in old.reports.iter().enumerate() {
+        let path = report_path(&folder, position);
+        let text = fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
+        ensure!(hash(&text) == *wanted, "{} is not what was scored", path.display());
+        reports.push(serde_json::from_str(&text).with_context(|| format!("{} is no report", path.display()))?);
+    }
+    line.facts.clear();
+    line.judge(&set, &driven, &sealed, &reports);
+    // What models were is not kept.
+    line.facts.extend(
+        old.facts
+            .get_key_value(REMOVED)
+            .map(|(fact, all)| (fact.clone(), all.clone())),
+    );
+    Ok(line)
+}
+
+fn report_path(folder: &Path, position: usize) -> PathBuf {
+    folder.join(format!("report-{position}.json"))
+}
+
+fn hash(text: &str) -> String {
+    hex(&Sha256::digest(text.as_bytes()))
 }
 
 /// CPU seconds of this thread.
@@ -99,22 +145,20 @@ pub fn run_set(seed: u64, number: u64, wish: &Wish, vault: &Vault, keep: Option<
     (line.make_s, line.name_s) = (made - before, cpu_s() - made);
     let sealed = vault.open(number, &line.seal)?;
     line.known.clone_from(&sealed.known);
-    let alike = |effect: &NamedEffect, known: &Known| is_alike(&set, &driven, effect, known);
     match outcome {
         Ok(all) => {
             let reports: Vec<Report> = all.iter().map(|one| one.report.clone()).collect();
-            line.facts = score(&sealed, &reports, &alike);
+            line.judge(&set, &driven, &sealed, &reports);
             if set.kind == Kind::Rounds {
                 let effects = |one: &Diagnosis| one.model.effects.iter().map(|e| (e.name.clone(), e.index)).collect();
                 line.facts.extend(removed(&all.iter().map(effects).collect::<Vec<_>>()));
             }
             for (position, report) in reports.iter().enumerate() {
                 if let Some(folder) = &set.keep {
-                    fs::write(folder.join(format!("report-{position}.json")), report.text())?;
+                    fs::write(report_path(folder, position), report.text())?;
                 }
-                line.reports.push(hex(&Sha256::digest(report.text().as_bytes())));
+                line.reports.push(hash(&report.text()));
                 line.verdicts.push(verdict_text(report.verdict));
-                line.named.push(named(&sealed, report, &alike));
             }
             if let Some(report) = reports.first() {
                 line.untestable = report.untestable.iter().map(|other| other.name.clone()).collect();
@@ -192,6 +236,8 @@ pub fn lines(out: &Path) -> Result<Vec<Line>> {
             }
         }
     }
+    // Of a set that was made again the last line counts.
+    lines.reverse();
     lines.sort_by_key(|line: &Line| line.set);
     lines.dedup_by_key(|line| line.set);
     Ok(lines)

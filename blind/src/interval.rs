@@ -55,9 +55,56 @@ pub fn median(values: &[f64]) -> Option<(f64, f64, f64)> {
     Some((middle, sorted[low], sorted[high]))
 }
 
+/// Chance that a standard normal number is above, by Simpson's rule to 1e-9.
+pub fn normal_tail(z: f64) -> f64 {
+    const FAR: f64 = 8.0;
+    const STEPS: usize = 2000;
+    if z < 0.0 {
+        return 1.0 - normal_tail(-z);
+    }
+    let width = FAR / STEPS as f64;
+    let density = |k: usize| {
+        let x = z + width * k as f64;
+        let weight = if k == 0 || k == STEPS {
+            1.0
+        } else if k % 2 == 1 {
+            4.0
+        } else {
+            2.0
+        };
+        weight * (-0.5 * x * x).exp()
+    };
+    let sum: f64 = (0..=STEPS).map(density).sum();
+    sum * width / 3.0 / std::f64::consts::TAU.sqrt()
+}
+
+/// The number above which a standard normal one is with this chance.
+pub fn normal_point(tail: f64) -> f64 {
+    let (mut low, mut high) = (-8.0, 8.0);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if normal_tail(middle) > tail {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    high
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Points of the normal distribution as in any table.
+    #[test]
+    fn tails_of_the_normal_distribution() {
+        for (z, tail) in [(0.0, 0.5), (1.0, 0.158_655_254), (Z, 0.025), (-1.0, 0.841_344_746)] {
+            assert!((normal_tail(z) - tail).abs() < 1e-8, "{z}: {}", normal_tail(z));
+        }
+        assert!((normal_point(0.025) - Z).abs() < 1e-6);
+        assert!((normal_point(0.95) + 1.644_853_627).abs() < 1e-6);
+    }
 
     #[test]
     fn known_intervals() {

@@ -15,6 +15,7 @@ pub mod kind;
 pub mod manoeuvre;
 pub mod namer;
 pub mod oracle;
+pub mod reach;
 pub mod recorder;
 pub mod score;
 pub mod sensing;

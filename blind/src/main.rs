@@ -1,7 +1,7 @@
 //! `robopheus-blind`: runs sets of the bench and prints its table.
 
 use anyhow::{Context, Result, bail, ensure};
-use blind::bench::{append, lines, run_set};
+use blind::bench::{append, lines, rescored, run_set};
 use blind::kind::Kind;
 use blind::set::{Robots, Wish};
 use blind::table::markdown;
@@ -57,6 +57,9 @@ struct Arguments {
     /// Only the table of what is there
     #[arg(long)]
     table: bool,
+    /// Score the reports again that --keep has left, and diagnose nothing
+    #[arg(long)]
+    rescore: bool,
 }
 
 fn main() -> Result<()> {
@@ -104,9 +107,10 @@ fn run(arguments: &Arguments, shard: u64, shards: u64, out: &std::path::Path) ->
         Err(_) => std::fs::write(&settings, wanted)?,
     }
     let vault = Vault::new(out)?;
-    let done: Vec<u64> = lines(out)?.iter().map(|line| line.set).collect();
+    let done = lines(out)?;
+    let is_done = |number: &u64| done.iter().any(|line| line.set == *number);
     let numbers: Vec<u64> = (0..arguments.sets)
-        .filter(|number| number % shards == shard && !done.contains(number))
+        .filter(|number| number % shards == shard && is_done(number) == arguments.rescore)
         .collect();
     let numbers = if arguments.only.is_empty() {
         numbers
@@ -133,7 +137,13 @@ fn run(arguments: &Arguments, shard: u64, shards: u64, out: &std::path::Path) ->
             break;
         }
         let begun = Instant::now();
-        let line = run_set(arguments.seed, number, &wish, &vault, keep.as_deref())?;
+        let line = if arguments.rescore {
+            let old = done.iter().find(|line| line.set == number);
+            let old = old.with_context(|| format!("--rescore: {} has no result of set {number}", out.display()))?;
+            rescored(arguments.seed, old, &wish, &vault, &out.join("kept"))?
+        } else {
+            run_set(arguments.seed, number, &wish, &vault, keep.as_deref())?
+        };
         append(&path, &line)?;
         longest = longest.max(begun.elapsed());
         bar.inc(1);

@@ -176,6 +176,14 @@ impl Scorer<'_> {
                 "locked_worse",
                 report.gap.iter().any(|gap| gap.after > WORSE * gap.before),
             );
+            // Below what references leave there is no gap that could get worse.
+            self.check(
+                "locked_worse_above_floor",
+                report
+                    .gap
+                    .iter()
+                    .any(|gap| gap.after > WORSE * gap.before && gap.after > gap.floor),
+            );
             // A table has two dozen rows of a few windows each: some are worse by chance.
             self.check(
                 "locked_worse_surely",
@@ -324,6 +332,9 @@ fn rounds(scorer: &mut Scorer<'_>, reports: &[Report]) {
     }
 }
 
+/// The one fact that is of models and not of reports.
+pub const REMOVED: &str = "accepted_then_removed";
+
 /// Effects of a model version that the next one no longer has.
 ///
 /// - `models`: name and wheel of every effect, round after round.
@@ -333,7 +344,7 @@ pub fn removed(models: &[Vec<(String, Option<usize>)>]) -> Facts {
         for effect in &pair[0] {
             let gone = !pair[1].contains(effect);
             facts
-                .entry("accepted_then_removed".to_owned())
+                .entry(REMOVED.to_owned())
                 .or_default()
                 .push(f64::from(u8::from(gone)));
         }

@@ -1,7 +1,7 @@
 //! A slice of the bench that takes seconds: the same seed gives the same bytes, truths are sealed, every effect acts.
 
 use blind::background::{CHASSIS, background, robot};
-use blind::bench::{Line, append, lines, run_set};
+use blind::bench::{Line, append, lines, rescored, run_set};
 use blind::effects::{applicable, apply, draw};
 use blind::kind::Kind;
 use blind::set::{Robots, Set, Wish};
@@ -59,6 +59,21 @@ fn the_same_seed_gives_the_same_bytes_and_results_are_read_again() {
     append(&path, &line).expect("written");
     std::fs::write(out.join("z-cut.jsonl"), "{\"set\": 4, \"ki").expect("written");
     assert_eq!(lines(&out).expect("read"), vec![line.clone()]);
+    // A set that was made again replaces the line before.
+    let mut later = line.clone();
+    later.verdicts = vec!["made again".to_owned()];
+    append(&path, &later).expect("written");
+    assert_eq!(lines(&out).expect("read"), vec![later]);
+    // Reports that were kept give the same score, and those that were changed none.
+    let vault = Vault::new(&out).expect("a vault");
+    let mut old = line.clone();
+    old.facts.clear();
+    let rescore = || rescored(5, &old, &small(), &vault, &out);
+    assert_eq!(rescore().expect("scored"), line);
+    let report = out.join("000002/report-0.json");
+    let text = std::fs::read_to_string(&report).expect("kept");
+    std::fs::write(&report, text.replacen("command_delay", "motor_lag", 1)).expect("written");
+    assert!(rescore().is_err_and(|error| error.to_string().contains("is not what was scored")));
     assert!(markdown(&[line]).contains("| right name first, single detectable effect | 85 % | 95 % |"));
 }
 

@@ -114,6 +114,26 @@ fn a_right_name_counts_with_its_error_interval_and_channel() {
 }
 
 #[test]
+fn a_row_that_gets_worse_below_the_floor_is_told_apart() {
+    let sealed = sealed(
+        Kind::Single,
+        vec![known("wheel_radius", None, &[("relative", 0.04)], 5.0)],
+    );
+    let right = effect("wheel_radius", None, &[], &[("relative", 0.042, 0.0405, 0.0435)]);
+    let mut grown = report("confirmed", &[right], &[], &["pose"]);
+    let worse = |report: &Report| {
+        let facts = score(&sealed, std::slice::from_ref(report), &never);
+        ["locked_worse", "locked_worse_above_floor"].map(|fact| one(&facts, fact))
+    };
+    let row = grown.gap.first_mut().expect("a row");
+    (row.floor, row.before, row.after) = (0.1, 0.04, 0.05);
+    assert_eq!(worse(&grown), [Some(1.0), Some(0.0)]);
+    let row = grown.gap.first_mut().expect("a row");
+    (row.before, row.after) = (0.09, 0.11);
+    assert_eq!(worse(&grown), [Some(1.0); 2]);
+}
+
+#[test]
 fn another_wheel_is_wrong_and_an_alternative_is_in_the_set() {
     let sealed = sealed(
         Kind::Single,

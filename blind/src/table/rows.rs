@@ -115,6 +115,13 @@ pub(super) const ROWS: &[Row] = &[
         Limit,
     ),
     row(
+        "locked_worse_above_floor",
+        "the same, of rows that are above the references' floor then",
+        "",
+        "",
+        Limit,
+    ),
+    row(
         "locked_worse_surely",
         "and what it was before is outside the 95 % interval of what it is now",
         "",

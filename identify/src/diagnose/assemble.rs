@@ -34,9 +34,9 @@ const LISTED: f64 = 3.0;
 pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagnosis, DiagnoseError> {
     let members: Vec<_> = case.fit.as_ref().map_or_else(Vec::new, |fit| fit.members.clone());
     let mut after = with_members(&case.floor.model, &members);
-    let is_small_part = is_hardly_explained(&case.energies);
+    let is_beside_a_large_rest = is_hardly_explained(&case.energies);
     for taken in &mut case.taken {
-        taken.is_small_part = is_small_part;
+        taken.is_beside_a_large_rest = is_beside_a_large_rest;
     }
     let mut verdict = verdict(case);
     let levels = &case.levels;
@@ -56,7 +56,9 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
         match verified(&gap, explained, names, is_doubted) {
             Verified::Holds => {
                 if let Some(words) = leaves(&gap, explained) {
+                    let unproven_names = doubt_beside_a_rest(&mut case.taken);
                     case.remarks.push(words);
+                    case.remarks.extend(unproven_names);
                     verdict = unproven(verdict);
                 }
             }
@@ -77,7 +79,7 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
             }
         }
     }
-    if is_small_part && case.taken.iter().any(|taken| !taken.tiny) {
+    if is_beside_a_large_rest && case.taken.iter().any(|taken| !taken.tiny) {
         let words = "nearly all of what the runs are off by is left with what is named; not confirmed before something explains that";
         case.remarks.push(words.to_owned());
     }
@@ -134,6 +136,16 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
         library_version: LIBRARY_VERSION.to_owned(),
     };
     Ok(Diagnosis { report, model })
+}
+
+/// Names that are not proven by themselves may stand for what is missing. Which, in words.
+fn doubt_beside_a_rest(all: &mut [Taken]) -> Option<String> {
+    let mut names = Vec::new();
+    for taken in all.iter_mut().filter(|taken| !taken.tiny && !taken.is_proven()) {
+        taken.is_beside_a_large_rest = true;
+        names.push(taken.finalist.member.candidate.entry.name);
+    }
+    (!names.is_empty()).then(|| format!("{}: not confirmed before something explains that", names.join(", ")))
 }
 
 /// Drops all names; the model is the floor's.

@@ -192,7 +192,7 @@ impl Choice<'_> {
                 may_be_none: false,
                 may_be_none_on_average: false,
                 may_be_rest_of: None,
-                is_small_part: false,
+                is_beside_a_large_rest: false,
                 trend: None,
                 suspected: None,
             });

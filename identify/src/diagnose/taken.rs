@@ -6,10 +6,14 @@ use super::trend::Trend;
 use crate::floor::Floor;
 use crate::hypothesis::LOST;
 use crate::select::{Finalist, Stop};
+use twin::COULOMB_SCALE_RAD_PER_S;
 use twin::effect::library::Hook;
 
 /// Gain in thresholds from which an interval that reaches to no effect is the interval's fault.
 const SURELY: f64 = 10.0;
+
+/// The effect whose speed may be below that at which the twin's own dry friction is full.
+const STRIBECK: &str = "stribeck_friction";
 
 /// The effect of which every run may have another size.
 const LOAD: &str = "payload";
@@ -36,8 +40,8 @@ pub(super) struct Taken {
     pub suspected: Option<String>,
     /// A name that explains more, and may be a law of another kind: what that law leaves may be all of this one.
     pub may_be_rest_of: Option<&'static str>,
-    /// Nearly all of what the runs are off by is left with all that is named.
-    pub is_small_part: bool,
+    /// So much of what the runs are off by is left with all that is named that it may stand for something else.
+    pub is_beside_a_large_rest: bool,
 }
 
 impl Taken {
@@ -65,7 +69,7 @@ impl Taken {
             trend: None,
             suspected: None,
             may_be_rest_of: None,
-            is_small_part: false,
+            is_beside_a_large_rest: false,
         }
     }
 
@@ -82,7 +86,7 @@ impl Taken {
 
     /// Neither another law nor what was there before.
     pub fn is_sure(&self, floor: &Floor) -> bool {
-        let is_all = !self.is_small_part && self.reservations().is_empty();
+        let is_all = !self.is_beside_a_large_rest && self.reservations().is_empty();
         is_all && self.doubts().is_empty() && !floor.may_have_had(self.finalist.size)
     }
 
@@ -175,7 +179,20 @@ impl Taken {
         let rest = self.may_be_rest_of.map(|other| {
             format!("{name}: may only make up for what {other}, whose law may be another one, gets wrong")
         });
-        trend.into_iter().chain(rest).collect()
+        trend.into_iter().chain(rest).chain(self.smoothed()).collect()
+    }
+
+    /// Why friction that rises towards standstill may be none of the robot: the twin's dry friction is smooth there.
+    fn smoothed(&self) -> Option<String> {
+        let member = &self.finalist.member;
+        let axis = member.candidate.axes.iter().position(|axis| axis.name == "speed")?;
+        let speed = *member.values.get(axis)?;
+        let is_within = member.candidate.entry.name == STRIBECK && speed < COULOMB_SCALE_RAD_PER_S;
+        is_within.then(|| {
+            format!(
+                "{STRIBECK}: all of it is below {COULOMB_SCALE_RAD_PER_S} rad/s, where the twin lets dry friction fall smoothly to nothing, so it may only make up for that"
+            )
+        })
     }
 
     /// All that a reader should know of it.
@@ -261,7 +278,7 @@ mod tests {
             trend: None,
             suspected: None,
             may_be_rest_of: None,
-            is_small_part: false,
+            is_beside_a_large_rest: false,
         }
     }
 
@@ -406,6 +423,21 @@ mod tests {
         all[1].trend = None;
         reserve_rests(&mut all);
         assert!(all.iter().all(|taken| taken.reservations().is_empty()));
+    }
+
+    #[test]
+    fn friction_slower_than_the_twins_own_smoothing_is_not_confirmed() {
+        let of = |speed: f64| {
+            let mut stribeck = taken(STRIBECK, 20.0);
+            let axes = &stribeck.finalist.member.candidate.axes;
+            let Some(axis) = axes.iter().position(|axis| axis.name == "speed") else {
+                panic!("a Stribeck curve has a speed");
+            };
+            stribeck.finalist.member.values[axis] = speed;
+            stribeck.reservations()
+        };
+        assert!(matches!(&of(0.2)[..], [one] if one.contains("below 0.3 rad/s")));
+        assert!(of(0.5).is_empty());
     }
 
     #[test]
