@@ -89,6 +89,11 @@ pub fn rescored(seed: u64, old: &Line, wish: &Wish, vault: &Vault, kept: &Path) 
     }
     let driven = set.driven(0)?;
     let sealed = vault.open(old.set, &old.seal)?;
+    ensure!(
+        Sealed::new(&set, &driven).text()?.1 == old.seal,
+        "set {} is made otherwise by now: its reports are of other runs",
+        old.set
+    );
     let folder = kept.join(format!("{:06}", old.set));
     let mut reports = Vec::new();
     for (position, wanted) in old.reports.iter().enumerate() {
@@ -215,6 +220,14 @@ fn is_alike(set: &Set, driven: &Driven, effect: &NamedEffect, known: &Known) -> 
     cosine(&set.robot, &said, &known.best, (&driven.trace, set.sensing())).abs() > ONE_CLASS
 }
 
+/// File of a shard's results; sets that are made or scored again have one of their own.
+///
+/// - `shard`: from 0.
+pub fn results_path(out: &Path, (shard, shards): (u64, u64), is_again: bool) -> PathBuf {
+    let again = if is_again { "remade-" } else { "" };
+    out.join(format!("results-{again}{}-of-{shards}.jsonl", shard + 1))
+}
+
 /// Results of a folder, of all shards, by set.
 pub fn lines(out: &Path) -> Result<Vec<Line>> {
     let mut lines: Vec<Line> = Vec::new();
@@ -236,7 +249,7 @@ pub fn lines(out: &Path) -> Result<Vec<Line>> {
             }
         }
     }
-    // Of a set that was made again the last line counts.
+    // Of a set that was made again the last line counts: names of their files come last ([`results_path`]).
     lines.reverse();
     lines.sort_by_key(|line: &Line| line.set);
     lines.dedup_by_key(|line| line.set);

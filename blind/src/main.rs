@@ -1,7 +1,7 @@
 //! `robopheus-blind`: runs sets of the bench and prints its table.
 
 use anyhow::{Context, Result, bail, ensure};
-use blind::bench::{append, lines, rescored, run_set};
+use blind::bench::{append, lines, rescored, results_path, run_set};
 use blind::kind::Kind;
 use blind::set::{Robots, Wish};
 use blind::table::markdown;
@@ -58,7 +58,7 @@ struct Arguments {
     #[arg(long)]
     table: bool,
     /// Score the reports again that --keep has left, and diagnose nothing
-    #[arg(long)]
+    #[arg(long, conflicts_with_all = ["table", "keep"])]
     rescore: bool,
 }
 
@@ -109,17 +109,18 @@ fn run(arguments: &Arguments, shard: u64, shards: u64, out: &std::path::Path) ->
     let vault = Vault::new(out)?;
     let done = lines(out)?;
     let is_done = |number: &u64| done.iter().any(|line| line.set == *number);
-    let numbers: Vec<u64> = (0..arguments.sets)
-        .filter(|number| number % shards == shard && is_done(number) == arguments.rescore)
-        .collect();
-    let numbers = if arguments.only.is_empty() {
-        numbers
-    } else {
+    let all: Vec<u64> = if !arguments.only.is_empty() {
         arguments.only.clone()
+    } else if arguments.rescore {
+        done.iter().map(|line| line.set).collect()
+    } else {
+        (0..arguments.sets).filter(|number| !is_done(number)).collect()
     };
+    let is_own = |number: &u64| number % shards == shard;
+    let numbers: Vec<u64> = all.into_iter().filter(is_own).collect();
     let limit = match (arguments.quick, arguments.minutes) {
         (_, Some(minutes)) => Some(Duration::from_secs_f64(60.0 * minutes)),
-        (true, None) => Some(QUICK),
+        (true, None) if !arguments.rescore => Some(QUICK),
         _ => None,
     };
     let keep = arguments.keep.then(|| out.join("kept"));
@@ -127,10 +128,8 @@ fn run(arguments: &Arguments, shard: u64, shards: u64, out: &std::path::Path) ->
     if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} {elapsed} left {eta} {msg}") {
         bar.set_style(style);
     }
-    let (started, path) = (
-        Instant::now(),
-        out.join(format!("results-{}-of-{shards}.jsonl", shard + 1)),
-    );
+    let is_again = arguments.rescore || !arguments.only.is_empty();
+    let (started, path) = (Instant::now(), results_path(out, (shard, shards), is_again));
     let mut longest = Duration::ZERO;
     for number in numbers {
         if limit.is_some_and(|limit| started.elapsed() + longest > limit) {

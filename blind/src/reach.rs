@@ -1,6 +1,6 @@
-//! How far a true effect could show through what nobody knows: noise, everyday differences from run to run, and what references leave open.
+//! How far a true effect could show through noise, everyday differences from run to run, and what references leave open, as the diagnosis takes them to be.
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use identify::diagnose::calibrated_floor;
 use identify::floor::{Floor, knob_changes};
 use identify::linear::Square;
@@ -27,14 +27,14 @@ pub struct Reach {
 /// Twice the logarithm of a likelihood ratio.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gain {
-    /// Of the true change, were the twin right in all else: the squared distance of a matched filter.
+    /// Of the change as the library describes the truth best, were the twin right in all else: the squared distance of a matched filter.
     pub expected: f64,
     /// What these runs give.
     pub got: f64,
 }
 
 impl Reach {
-    /// - Errors: references that cannot be calibrated on.
+    /// - Errors: references that cannot be calibrated on, runs that cannot be simulated.
     pub fn of(driven: &Driven, known: &Known) -> Result<Reach> {
         let floor = calibrated_floor(&Serial, &driven.references, None)?;
         let changed = floor.model.with(known.best.effect());
@@ -44,13 +44,14 @@ impl Reach {
             .iter()
             .map(|run| Record::of(&run.path, &run.bundle))
             .collect();
-        let simulated = |model| -> Vec<Vec<f64>> {
+        let simulated = |model| -> Result<Vec<Vec<f64>>> {
             let all = records
                 .iter()
                 .map(|record| residuals(record, model, Stages::BOTH, None));
-            all.map(Option::unwrap_or_default).collect()
+            let all: Option<_> = all.collect();
+            all.context("a run cannot be simulated")
         };
-        let (without, with) = (simulated(&floor.model), simulated(&changed));
+        let (without, with) = (simulated(&floor.model)?, simulated(&changed)?);
         let changes = knob_changes(&floor.model, &floor.knobs, &floor.values, &stages);
         let sensitivities = columns(&Serial, &records, &without, &changes)?;
         Ok(Reach {

@@ -1,7 +1,7 @@
 //! A slice of the bench that takes seconds: the same seed gives the same bytes, truths are sealed, every effect acts.
 
 use blind::background::{CHASSIS, background, robot};
-use blind::bench::{Line, append, lines, rescored, run_set};
+use blind::bench::{Line, append, lines, rescored, results_path, run_set};
 use blind::effects::{applicable, apply, draw};
 use blind::kind::Kind;
 use blind::set::{Robots, Set, Wish};
@@ -55,19 +55,19 @@ fn the_same_seed_gives_the_same_bytes_and_results_are_read_again() {
     // Another number is another set.
     let next = Set::new(5, 3, &small()).expect("a set");
     assert_ne!(next.seed, Set::new(5, 2, &small()).expect("a set").seed);
-    let path = out.join("results.jsonl");
-    append(&path, &line).expect("written");
+    append(&results_path(&out, (1, 2), false), &line).expect("written");
     std::fs::write(out.join("z-cut.jsonl"), "{\"set\": 4, \"ki").expect("written");
     assert_eq!(lines(&out).expect("read"), vec![line.clone()]);
-    // A set that was made again replaces the line before.
+    // A set that was made again replaces the line before, by however many shards either was made.
     let mut later = line.clone();
     later.verdicts = vec!["made again".to_owned()];
-    append(&path, &later).expect("written");
+    append(&results_path(&out, (0, 1), true), &later).expect("written");
     assert_eq!(lines(&out).expect("read"), vec![later]);
     // Reports that were kept give the same score, and those that were changed none.
     let vault = Vault::new(&out).expect("a vault");
     let mut old = line.clone();
     old.facts.clear();
+    old.named.clear();
     let rescore = || rescored(5, &old, &small(), &vault, &out);
     assert_eq!(rescore().expect("scored"), line);
     let report = out.join("000002/report-0.json");

@@ -10,9 +10,9 @@ use super::gap_table::gap_table;
 use super::interval::sizes;
 use super::louder::louder;
 use super::nearest::{nearest, suspect};
-use super::taken::Taken;
+use super::taken::{Taken, doubt_beside_a_rest};
 use super::verdict::{FEWEST_RUNS, is_hardly_explained, validated, verdict};
-use super::verified::{Verified, disagree_alone, leaves, verified};
+use super::verified::{Names, Verified, disagree_alone, leaves, verified};
 use super::{Case, DiagnoseError, Diagnosis, LIBRARY_VERSION};
 use crate::fit::{NORMAL_95, with_members};
 use crate::hypothesis::{Hypothesis, Knob, LOST, applies};
@@ -52,8 +52,13 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
     let mut is_proven = validated(case) && case.locked.len() >= FEWEST_RUNS;
     let names = case.taken.iter().filter(|taken| !taken.tiny).count();
     if names > 0 {
-        let is_doubted = case.taken.iter().any(|taken| !taken.tiny && !taken.doubts().is_empty());
-        match verified(&gap, explained, names, is_doubted) {
+        let any = |is: fn(&Taken) -> bool| case.taken.iter().any(|taken| !taken.tiny && is(taken));
+        let names = Names {
+            count: names,
+            is_any_doubted: any(|taken| !taken.doubts().is_empty()),
+            is_any_proven: any(Taken::is_proven),
+        };
+        match verified(&gap, explained, names) {
             Verified::Holds => {
                 if let Some(words) = leaves(&gap, explained) {
                     let unproven_names = doubt_beside_a_rest(&mut case.taken);
@@ -101,6 +106,8 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
         case.remarks.extend(nearest);
     }
     let absorbed = absorbed(case, &effects);
+    let told = told_of_withdrawn(case, &absorbed);
+    case.remarks.extend(told);
     let (rejected, untestable) = rest(case, &effects, &absorbed);
     let place = located(case);
     let has_references = !case.floor.references.is_empty();
@@ -138,19 +145,11 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
     Ok(Diagnosis { report, model })
 }
 
-/// Names that are not proven by themselves may stand for what is missing. Which, in words.
-fn doubt_beside_a_rest(all: &mut [Taken]) -> Option<String> {
-    let mut names = Vec::new();
-    for taken in all.iter_mut().filter(|taken| !taken.tiny && !taken.is_proven()) {
-        taken.is_beside_a_large_rest = true;
-        names.push(taken.finalist.member.candidate.entry.name);
-    }
-    (!names.is_empty()).then(|| format!("{}: not confirmed before something explains that", names.join(", ")))
-}
-
-/// Drops all names; the model is the floor's.
+/// Drops all names; the model is the floor's, and the gap is where it was before they were fitted.
 fn without_names(case: &mut Case, verdict: Verdict) -> Hypothesis {
-    case.fit = None;
+    if case.fit.take().is_some() {
+        case.located.clone_from(&case.located_unnamed);
+    }
     case.taken
         .retain(|taken| taken.tiny && verdict == Verdict::NoDiscrepancy);
     let is_lost = |taken: &Taken| taken.finalist.member.candidate.entry.name == LOST;
@@ -397,6 +396,23 @@ fn absorbed(case: &Case, effects: &[NamedEffect]) -> Vec<Absorbed> {
     all
 }
 
+/// What was absorbed of a name does not tell why more of it was not believed.
+fn told_of_withdrawn(case: &Case, absorbed: &[Absorbed]) -> Vec<String> {
+    let what = if case.floor.references.is_empty() {
+        "what the description was corrected by"
+    } else {
+        "what the references have of it"
+    };
+    let mut told: Vec<String> = Vec::new();
+    for (name, words) in &case.withdrawn {
+        let remark = format!("{name}, beyond {what}, was found and not believed: {words}");
+        if absorbed.iter().any(|absorbed| absorbed.name == *name) && !told.contains(&remark) {
+            told.push(remark);
+        }
+    }
+    told
+}
+
 /// Every other name of the library: rejected, or untestable with these runs.
 fn rest(case: &Case, effects: &[NamedEffect], absorbed: &[Absorbed]) -> (Vec<Rejected>, Vec<Untestable>) {
     let (mut rejected, mut untestable) = (Vec::new(), Vec::new());
@@ -404,10 +420,7 @@ fn rest(case: &Case, effects: &[NamedEffect], absorbed: &[Absorbed]) -> (Vec<Rej
         let mentioned = effects
             .iter()
             .any(|effect| effect.name == entry.name || effect.alternatives.iter().any(|other| other == entry.name));
-        // What the references had of a name does not tell why more of it was not believed.
-        let is_withdrawn = case.withdrawn.iter().any(|(name, _)| *name == entry.name);
-        let is_absorbed = absorbed.iter().any(|absorbed| absorbed.name == entry.name);
-        if mentioned || is_absorbed && !is_withdrawn {
+        if mentioned || absorbed.iter().any(|absorbed| absorbed.name == entry.name) {
             continue;
         }
         let robot = &case.floor.given.description;
@@ -431,7 +444,8 @@ fn rest(case: &Case, effects: &[NamedEffect], absorbed: &[Absorbed]) -> (Vec<Rej
             .map(|(_, score)| score)
             .collect();
         let sensitivity = own.iter().map(|score| score.sensitivity).fold(0.0, f64::max);
-        if entry.name == LOST {
+        let is_withdrawn = case.withdrawn.iter().any(|(name, _)| *name == entry.name);
+        if entry.name == LOST && !is_withdrawn {
             match &case.lost {
                 Answer::Untestable(words) => untested(words.clone()),
                 Answer::Rejected(because) => rejected.push(Rejected {
@@ -449,9 +463,9 @@ fn rest(case: &Case, effects: &[NamedEffect], absorbed: &[Absorbed]) -> (Vec<Rej
                     because: "the wheels answer to the set-points as sent".to_owned(),
                 }),
             }
-        } else if own.is_empty() {
+        } else if own.is_empty() && !is_withdrawn {
             untested("these runs command nothing that it could act on".to_owned());
-        } else if sensitivity < TESTABLE && !is_withdrawn {
+        } else if sensitivity < TESTABLE {
             untested(format!(
                 "at its practical size it moves the channels of these runs by {sensitivity:.1} standard deviations; 5 are needed{}",
                 missing(case)
@@ -471,7 +485,7 @@ fn rest(case: &Case, effects: &[NamedEffect], absorbed: &[Absorbed]) -> (Vec<Rej
 
 fn because(case: &Case, name: &str, gain: f64) -> String {
     if let Some((_, words)) = case.withdrawn.iter().find(|(other, _)| *other == name) {
-        return format!("fits best, but {words}");
+        return format!("was found and not believed: {words}");
     }
     // The last round knows most.
     let rounds = case.taken.iter().rev().flat_map(|taken| &taken.excluded);

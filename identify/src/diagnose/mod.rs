@@ -114,6 +114,8 @@ struct Case<'a> {
     first_threshold: f64,
     last: Option<Stop>,
     located: Located,
+    /// The same before names were fitted.
+    located_unnamed: Located,
     energies: Energies,
     levels: Levels,
     /// What became of the question whether set-points were lost; the runs as they arrived where they were, by path, the locked ones as
@@ -216,6 +218,7 @@ pub fn diagnose(workers: &dyn Workers, input: &Input) -> Result<Diagnosis, Diagn
         first_threshold: 0.0,
         last: None,
         located: Located::default(),
+        located_unnamed: Located::default(),
         energies: Energies::NOTHING,
         levels: Levels::default(),
         lost: Answer::NotAsked,
@@ -483,7 +486,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
         coarse = train.thinned(&case.floor);
         kept.outdate();
     }
-    let located = case.located.clone();
+    case.located_unnamed.clone_from(&case.located);
     take_suspect(
         workers,
         case,
@@ -506,7 +509,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
         if !drop_doubtful(workers, case, &mut members, [&mut train, &mut validation])? {
             return Ok(());
         }
-        case.located = located.clone();
+        case.located.clone_from(&case.located_unnamed);
     }
 }
 

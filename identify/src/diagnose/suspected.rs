@@ -1,4 +1,4 @@
-//! When nothing could be named: what is suspected goes into the model as an effect that is not confirmed. And what is doubted twice goes out of it.
+//! When nothing could be named: what is suspected goes into the model as an effect that is not confirmed. And what is doubted twice, for reasons of their own, goes out of it.
 
 use super::opening::otherwise_calibrated;
 use super::prepared::Prepared;
@@ -87,7 +87,7 @@ pub(super) fn take_suspect(
     Ok(renew(workers, case, members, [train, validation])?)
 }
 
-/// Takes out of the model what is doubted twice, what one window alone speaks for, and what is suspected and has no size after all. Whether there was any.
+/// Takes out of the model what is doubted twice (of doubts that follow from each other one counts), what one window alone speaks for, and what is suspected and has no size after all. Whether there was any.
 pub(super) fn drop_doubtful(
     workers: &dyn Workers,
     case: &mut Case,

@@ -12,7 +12,7 @@ use twin::effect::library::Hook;
 /// Gain in thresholds from which an interval that reaches to no effect is the interval's fault.
 const SURELY: f64 = 10.0;
 
-/// The effect whose speed may be below that at which the twin's own dry friction is full.
+/// The effect whose speed may be below that over which the twin's own dry friction is smoothed.
 const STRIBECK: &str = "stribeck_friction";
 
 /// The effect of which every run may have another size.
@@ -109,7 +109,7 @@ impl Taken {
         let finalist = &self.finalist;
         let is_held_out = self.suspected.is_none() && finalist.member.candidate.entry.name != LOST;
         let is_agreed = finalist.gain_train >= SURELY * self.threshold && finalist.is_agreed(self.threshold);
-        is_held_out && is_agreed && self.doubts().is_empty() && self.reservations().is_empty()
+        is_held_out && is_agreed && self.doubts().is_empty() && self.other_laws().is_empty()
     }
 
     /// What speaks against believing it, for the report.
@@ -162,11 +162,19 @@ impl Taken {
 
     /// It is a change for sure, which vouches that this robot is not as it was.
     pub fn vouches(&self) -> bool {
-        !self.tiny && self.finalist.size >= 1.0 && self.doubts().is_empty()
+        let is_change = !self.tiny && self.finalist.size >= 1.0 && self.other_names().is_empty();
+        is_change && self.doubts().is_empty() && self.reservations().is_empty()
     }
 
-    /// Why it is not confirmed although nothing says that it is not there: its law may be another one.
+    /// Why it is not confirmed although nothing says that it is not there.
     pub fn reservations(&self) -> Vec<String> {
+        let mut all = self.other_laws();
+        all.extend(self.smoothed());
+        all
+    }
+
+    /// Why its law may be another one.
+    fn other_laws(&self) -> Vec<String> {
         let name = self.finalist.member.candidate.entry.name;
         let is_said = self.uneven().is_some() || self.is_reconciled();
         let trend = self.trend.filter(|trend| trend.is_sure() && !is_said).map(|trend| {
@@ -179,10 +187,10 @@ impl Taken {
         let rest = self.may_be_rest_of.map(|other| {
             format!("{name}: may only make up for what {other}, whose law may be another one, gets wrong")
         });
-        trend.into_iter().chain(rest).chain(self.smoothed()).collect()
+        trend.into_iter().chain(rest).collect()
     }
 
-    /// Why friction that rises towards standstill may be none of the robot: the twin's dry friction is smooth there.
+    /// Why friction that rises towards standstill may be none of the robot: the twin's own dry friction changes its sign smoothly there.
     fn smoothed(&self) -> Option<String> {
         let member = &self.finalist.member;
         let axis = member.candidate.axes.iter().position(|axis| axis.name == "speed")?;
@@ -190,7 +198,7 @@ impl Taken {
         let is_within = member.candidate.entry.name == STRIBECK && speed < COULOMB_SCALE_RAD_PER_S;
         is_within.then(|| {
             format!(
-                "{STRIBECK}: all of it is below {COULOMB_SCALE_RAD_PER_S} rad/s, where the twin lets dry friction fall smoothly to nothing, so it may only make up for that"
+                "{STRIBECK}: most of it acts below {COULOMB_SCALE_RAD_PER_S} rad/s, where the twin lets dry friction fall smoothly to nothing, so it may only make up for that; predictions are better with it, and this twin cannot confirm it"
             )
         })
     }
@@ -243,6 +251,20 @@ pub(super) fn reserve_rests(all: &mut [Taken]) {
         let louder = laws.iter().filter(|(gain, other, _)| *gain > own && *other == part);
         taken.may_be_rest_of = louder.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, _, name)| *name);
     }
+}
+
+/// Where much is left names that are not proven by themselves may stand for what is missing. Those that nothing else speaks against, in words.
+pub(super) fn doubt_beside_a_rest(all: &mut [Taken]) -> Option<String> {
+    let mut names = Vec::new();
+    for taken in all.iter_mut().filter(|taken| !taken.tiny && !taken.is_proven()) {
+        let name = taken.finalist.member.candidate.entry.name;
+        let is_unquestioned = taken.doubts().is_empty() && taken.reservations().is_empty();
+        if is_unquestioned && taken.other_names().is_empty() && !names.contains(&name) {
+            names.push(name);
+        }
+        taken.is_beside_a_large_rest = true;
+    }
+    (!names.is_empty()).then(|| format!("{}: not confirmed while so much is missing", names.join(", ")))
 }
 
 #[cfg(test)]
@@ -440,6 +462,25 @@ mod tests {
         assert!(of(0.5).is_empty());
     }
 
+    /// What makes up for the twin's own smoothing is no reason to drop a right name beside it.
+    #[test]
+    fn friction_that_is_smoothed_may_be_proven_and_does_not_vouch() {
+        let mut stribeck = taken(STRIBECK, 20.0);
+        stribeck.finalist.change_validation = stribeck.finalist.gain_validation;
+        for (value, axis) in stribeck
+            .finalist
+            .member
+            .values
+            .iter_mut()
+            .zip(&stribeck.finalist.member.candidate.axes)
+        {
+            if axis.name == "speed" {
+                *value = 0.2;
+            }
+        }
+        assert!(stribeck.is_proven() && !stribeck.vouches());
+    }
+
     #[test]
     fn what_both_sides_agree_on_at_ten_thresholds_is_proven() {
         let of = |thresholds: f64| {
@@ -464,6 +505,33 @@ mod tests {
             losses.finalist.member.candidate = candidate;
         }
         assert!(!losses.is_proven(), "they are read from every run");
+    }
+
+    #[test]
+    fn beside_a_large_rest_only_what_is_proven_stays_confirmed() {
+        let mut proven = taken(OFFSET, 20.0);
+        proven.finalist.change_validation = proven.finalist.gain_validation;
+        let in_turn = {
+            let mut in_turn = taken("gear_backlash", 20.0);
+            in_turn.finalist.is_in_turn = true;
+            in_turn
+        };
+        let calibration = Taken {
+            tiny: true,
+            ..taken("motor_lag", 4.0)
+        };
+        let mut all = [
+            proven,
+            taken("payload", 4.0),
+            taken("payload", 4.0),
+            in_turn,
+            calibration,
+        ];
+        let words = doubt_beside_a_rest(&mut all).unwrap_or_default();
+        assert_eq!(words, "payload: not confirmed while so much is missing");
+        let is_doubted = all.each_ref().map(|taken| taken.is_beside_a_large_rest);
+        assert_eq!(is_doubted, [false, true, true, true, false]);
+        assert_eq!(doubt_beside_a_rest(&mut all[..1]), None);
     }
 
     #[test]

@@ -19,6 +19,9 @@ const FAR: f64 = 3.0;
 /// An error of so many floors for sure, and [`FAR`] of them in all, is left of a gap.
 const SURELY_LEFT: f64 = 2.0;
 
+/// So much grow the squared errors in floors, on the average of all rows, where names do more harm than good.
+const HARM: f64 = 0.1;
+
 /// What the unused runs say.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Verified {
@@ -26,14 +29,23 @@ pub(super) enum Verified {
     Holds,
     /// One is, or the whole gap grows: something is missing or is another law.
     InPart(String),
-    /// The same, and the only name explains next to nothing.
+    /// The same, and the only name explains next to nothing, or all names together do more harm than good.
     Not(String),
 }
 
+/// What is known of the names before unused runs are asked.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Names {
+    /// Of several some may be right: which of them do harm unused runs must not decide.
+    pub count: usize,
+    /// Something else speaks against one of them. A whole gap that grows, no row of it surely, may be chance and withdraws nothing by itself.
+    pub is_any_doubted: bool,
+    /// One of them is proven by itself ([`super::taken::Taken::is_proven`]): laws are off elsewhere then.
+    pub is_any_proven: bool,
+}
+
 /// - `explained`: overall fraction of the gap.
-/// - `names`: number of names; of several some may be right, and which of them do harm these runs must not decide.
-/// - `is_doubted`: something else speaks against them; a whole gap that grows, no row of it surely, may be chance and withdraws nothing by itself.
-pub(super) fn verified(gaps: &[Gap], explained: Option<f64>, names: usize, is_doubted: bool) -> Verified {
+pub(super) fn verified(gaps: &[Gap], explained: Option<f64>, names: Names) -> Verified {
     if explained.is_some_and(|explained| explained >= PROVEN) {
         return Verified::Holds;
     }
@@ -49,7 +61,7 @@ pub(super) fn verified(gaps: &[Gap], explained: Option<f64>, names: usize, is_do
         .filter(|gap| gap.low > gap.before && gap.after > (1.0 + WORSE) * gap.before && gap.after > floors * gap.floor);
     let share = |gap: &Gap| gap.after / gap.before.max(1e-300);
     let is_surely_worse = worse.clone().next().is_some();
-    let is_harm = is_surely_worse && balance(gaps) > 0.0;
+    let is_harm = is_surely_worse && !names.is_any_proven && growth(gaps) > HARM;
     let (words, is_nothing) = match worse.max_by(|a, b| share(a).total_cmp(&share(b))) {
         Some(worst) => (
             format!(
@@ -64,23 +76,24 @@ pub(super) fn verified(gaps: &[Gap], explained: Option<f64>, names: usize, is_do
                     "on runs that were not used the gap is larger by {:.0} % with what is named",
                     -100.0 * grown
                 ),
-                is_doubted,
+                names.is_any_doubted,
             ),
             None => return Verified::Holds,
         },
     };
-    // Rows that get worse outweigh those that get better: no name is right about these runs, or none that matters.
-    if names == 1 && is_nothing || is_harm {
+    // Where rows that get worse outweigh those that get better nothing is chosen either: none of the names is believed.
+    if names.count == 1 && is_nothing || is_harm {
         Verified::Not(words)
     } else {
         Verified::InPart(words)
     }
 }
 
-/// Squared errors in floors after less those before, of all rows.
-fn balance(gaps: &[Gap]) -> f64 {
+/// Squared errors in floors after less those before, a row.
+fn growth(gaps: &[Gap]) -> f64 {
+    let rows = gaps.iter().filter(|gap| gap.floor > 0.0);
     let squares = |gap: &Gap| (gap.after * gap.after - gap.before * gap.before) / (gap.floor * gap.floor);
-    gaps.iter().filter(|gap| gap.floor > 0.0).map(squares).sum()
+    rows.clone().map(squares).sum::<f64>() / rows.count().max(1) as f64
 }
 
 /// What is left of the gap of unused runs although something was named: most of a row that is far from its floor. Names that are right do not make
@@ -101,7 +114,7 @@ pub(super) fn leaves(gaps: &[Gap], explained: Option<f64>) -> Option<String> {
         .filter(is_left)
         .max_by(|a, b| share(a).total_cmp(&share(b)))?;
     Some(format!(
-        "something is missing: on runs that were not used, predictions of {} over {:.1} s are off by {:.4} {} even with what is named; on references by {:.4}",
+        "something is missing: on runs that were not used, predictions of {} over {:.1} s are off by {:.4} {} even with what is named; the floor is {:.4}",
         most.channel, most.horizon_s, most.after, most.unit, most.floor
     ))
 }
@@ -129,6 +142,14 @@ pub(super) fn disagree_alone(gaps: &[Gap], are_given: bool) -> Option<String> {
 mod tests {
     use super::*;
 
+    fn of(count: usize, is_any_doubted: bool) -> Names {
+        Names {
+            count,
+            is_any_doubted,
+            is_any_proven: false,
+        }
+    }
+
     fn row(channel: &str, floor: f64, before: f64, after: f64) -> Gap {
         Gap {
             channel: channel.to_owned(),
@@ -148,19 +169,21 @@ mod tests {
         let better = row("pose", 0.004, 0.02, 0.005);
         let worse = row("current", 0.09, 0.10, 0.17);
         assert_eq!(
-            verified(core::slice::from_ref(&better), Some(0.9), 1, false),
+            verified(core::slice::from_ref(&better), Some(0.9), of(1, false)),
             Verified::Holds
         );
         let both = [better, worse.clone()];
-        assert!(matches!(verified(&both, Some(0.4), 1, false), Verified::InPart(words) if words.contains("current")));
+        assert!(
+            matches!(verified(&both, Some(0.4), of(1, false)), Verified::InPart(words) if words.contains("current"))
+        );
         assert_eq!(
-            verified(&both, Some(0.7), 1, false),
+            verified(&both, Some(0.7), of(1, false)),
             Verified::Holds,
             "most of the gap is gone"
         );
-        assert!(matches!(verified(&both, Some(-0.2), 1, false), Verified::Not(_)));
-        assert!(matches!(verified(&both, Some(-0.2), 2, false), Verified::InPart(_)));
-        assert!(matches!(verified(&[worse], None, 1, false), Verified::Not(_)));
+        assert!(matches!(verified(&both, Some(-0.2), of(1, false)), Verified::Not(_)));
+        assert!(matches!(verified(&both, Some(-0.2), of(2, false)), Verified::InPart(_)));
+        assert!(matches!(verified(&[worse], None, of(1, false)), Verified::Not(_)));
     }
 
     /// A healthy robot on which a clock and a play in gears were seen.
@@ -169,9 +192,26 @@ mod tests {
         let better = row("pose", 0.0033, 0.0059, 0.0054);
         let worse = row("wheel", 0.22, 0.18, 0.35);
         let both = [better, worse];
-        assert!(matches!(verified(&both, Some(0.16), 2, false), Verified::Not(words) if words.contains("wheel")));
+        assert!(matches!(verified(&both, Some(0.16), of(2, false)), Verified::Not(words) if words.contains("wheel")));
+        let proven = Names {
+            is_any_proven: true,
+            ..of(2, false)
+        };
+        assert!(
+            matches!(verified(&both, Some(0.16), proven), Verified::InPart(_)),
+            "laws are off elsewhere"
+        );
+        let little = [row("pose", 0.0033, 0.0067, 0.0054), both[1].clone()];
+        assert!(
+            matches!(verified(&little, Some(0.4), of(2, false)), Verified::InPart(_)),
+            "as much good"
+        );
         let chance = [both[0].clone(), row("wheel", 0.22, 0.18, 0.19)];
-        assert_eq!(verified(&chance, Some(0.16), 2, false), Verified::Holds, "not for sure");
+        assert_eq!(
+            verified(&chance, Some(0.16), of(2, false)),
+            Verified::Holds,
+            "not for sure"
+        );
     }
 
     #[test]
@@ -228,31 +268,35 @@ mod tests {
         let mut row = row("wheel", 0.22, 0.40, 0.56);
         row.low = 0.2;
         let gaps = [row];
-        assert!(matches!(verified(&gaps, Some(-0.48), 2, false), Verified::InPart(words) if words.contains("48 %")));
-        assert!(matches!(verified(&gaps, Some(-0.48), 1, false), Verified::InPart(words) if words.contains("48 %")));
-        assert!(matches!(verified(&gaps, Some(-0.48), 1, true), Verified::Not(words) if words.contains("48 %")));
-        assert_eq!(verified(&gaps, Some(-0.05), 1, false), Verified::Holds, "chance");
+        assert!(
+            matches!(verified(&gaps, Some(-0.48), of(2, false)), Verified::InPart(words) if words.contains("48 %"))
+        );
+        assert!(
+            matches!(verified(&gaps, Some(-0.48), of(1, false)), Verified::InPart(words) if words.contains("48 %"))
+        );
+        assert!(matches!(verified(&gaps, Some(-0.48), of(1, true)), Verified::Not(words) if words.contains("48 %")));
+        assert_eq!(verified(&gaps, Some(-0.05), of(1, false)), Verified::Holds, "chance");
     }
 
     #[test]
     fn what_may_be_chance_or_is_at_the_floor_is_not_worse() {
         assert_eq!(
-            verified(&[row("current", 0.09, 0.10, 0.11)], None, 1, false),
+            verified(&[row("current", 0.09, 0.10, 0.11)], None, of(1, false)),
             Verified::Holds,
             "chance"
         );
         assert_eq!(
-            verified(&[row("current", 0.12, 0.10, 0.17)], None, 1, false),
+            verified(&[row("current", 0.12, 0.10, 0.17)], None, of(1, false)),
             Verified::Holds,
             "at the floor"
         );
         let above = row("pose", 0.006, 0.0046, 0.0086);
         assert_eq!(
-            verified(core::slice::from_ref(&above), Some(0.2), 1, false),
+            verified(core::slice::from_ref(&above), Some(0.2), of(1, false)),
             Verified::Holds
         );
         assert!(
-            matches!(verified(&[above], Some(-0.2), 1, false), Verified::Not(_)),
+            matches!(verified(&[above], Some(-0.2), of(1, false)), Verified::Not(_)),
             "nothing is explained, and the error rises above the floor"
         );
     }
