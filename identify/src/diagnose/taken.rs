@@ -219,11 +219,14 @@ impl Taken {
     }
 }
 
-/// What is below its practical size, and by its interval may be none, is calibration; losses are not. Beside what surely is a change it is one only if there
-/// may be none of it on average: what every stretch may lack, the whole of them may show.
+/// What is below its practical size, and by its interval may be none, is calibration; losses are not, nor what gains so much that the interval is at fault
+/// while there is some of it on average. Beside what surely is a change it is one only if there may be none of it on average: what every stretch may lack, the
+/// whole of them may show.
 pub(super) fn calibrate_small(all: &mut [Taken]) {
     let is_small = |taken: &Taken| {
-        taken.may_be_none && taken.finalist.size < 1.0 && taken.finalist.member.candidate.entry.name != LOST
+        let is_there = !taken.may_be_none_on_average && taken.finalist.gain() >= SURELY * taken.threshold;
+        let may_be_none = taken.may_be_none && !is_there;
+        may_be_none && taken.finalist.size < 1.0 && taken.finalist.member.candidate.entry.name != LOST
     };
     let is_beside = all.iter().any(|taken| !taken.tiny && !is_small(taken));
     for taken in all {
@@ -561,6 +564,12 @@ mod tests {
             all.iter().map(|taken| taken.tiny).collect::<Vec<bool>>()
         };
         assert_eq!(tiny(vec![small(false)]), [true], "alone");
+        let surely = |on_average: bool| Taken {
+            threshold: small(on_average).threshold / 3.0,
+            ..small(on_average)
+        };
+        assert_eq!(tiny(vec![surely(false)]), [false], "twelve thresholds");
+        assert_eq!(tiny(vec![surely(true)]), [true], "of nothing on average");
         assert_eq!(tiny(vec![taken("payload", 4.0), small(false)]), [false, false]);
         assert_eq!(tiny(vec![taken("payload", 4.0), small(true)]), [false, true]);
         assert_eq!(
