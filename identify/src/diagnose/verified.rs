@@ -201,7 +201,7 @@ mod tests {
             matches!(verified(&both, Some(0.16), proven), Verified::InPart(_)),
             "laws are off elsewhere"
         );
-        let little = [row("pose", 0.0033, 0.0067, 0.0054), both[1].clone()];
+        let little = [row("pose", 0.0033, 0.0080, 0.0054), both[1].clone()];
         assert!(
             matches!(verified(&little, Some(0.4), of(2, false)), Verified::InPart(_)),
             "as much good"
