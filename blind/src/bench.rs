@@ -14,7 +14,7 @@ use identify::report::schema::{NamedEffect, Report, Verdict};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::fs;
-use std::io::Write;
+use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 
 /// Cosine from which two effects count as one name.
@@ -98,7 +98,13 @@ pub fn rescored(seed: u64, old: &Line, wish: &Wish, vault: &Vault, kept: &Path) 
     let mut reports = Vec::new();
     for (position, wanted) in old.reports.iter().enumerate() {
         let path = report_path(&folder, position);
-        let text = fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
+        let text = fs::read_to_string(&path).with_context(|| {
+            format!(
+                "cannot read {}: make the set again with --only {} --keep, or name others with --only",
+                path.display(),
+                old.set
+            )
+        })?;
         ensure!(hash(&text) == *wanted, "{} is not what was scored", path.display());
         reports.push(serde_json::from_str(&text).with_context(|| format!("{} is no report", path.display()))?);
     }
@@ -256,9 +262,15 @@ pub fn lines(out: &Path) -> Result<Vec<Line>> {
     Ok(lines)
 }
 
-/// Appends a result.
+/// Appends a result, in place of what the machine's end left of a line.
 pub fn append(path: &Path, line: &Line) -> Result<()> {
-    let mut file = fs::OpenOptions::new().create(true).append(true).open(path)?;
+    let mut file = fs::OpenOptions::new().create(true).read(true).append(true).open(path)?;
+    let mut before = Vec::new();
+    file.read_to_end(&mut before)?;
+    let whole = before.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
+    if whole < before.len() {
+        file.set_len(whole as u64)?;
+    }
     let text = serde_json::to_string(line)?;
     writeln!(file, "{text}").with_context(|| format!("cannot write {}", path.display()))
 }

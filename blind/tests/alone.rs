@@ -1,4 +1,4 @@
-//! Single effects that no fit finds out of the places that are screened, or against which one moment speaks.
+//! Single effects that no fit finds out of the places that are screened, or against which one moment speaks, and names that stand beside nothing or beside the right one and are not believed.
 
 mod common;
 

@@ -55,7 +55,10 @@ fn the_same_seed_gives_the_same_bytes_and_results_are_read_again() {
     // Another number is another set.
     let next = Set::new(5, 3, &small()).expect("a set");
     assert_ne!(next.seed, Set::new(5, 2, &small()).expect("a set").seed);
-    append(&results_path(&out, (1, 2), false), &line).expect("written");
+    // A line that was cut off is not glued to the next one.
+    let path = results_path(&out, (1, 2), false);
+    std::fs::write(&path, "{\"set\": 7, \"ki").expect("written");
+    append(&path, &line).expect("written");
     std::fs::write(out.join("z-cut.jsonl"), "{\"set\": 4, \"ki").expect("written");
     assert_eq!(lines(&out).expect("read"), vec![line.clone()]);
     // A set that was made again replaces the line before, by however many shards either was made.

@@ -436,6 +436,14 @@ fn rest(case: &Case, effects: &[NamedEffect], absorbed: &[Absorbed]) -> (Vec<Rej
             untested("the robot has no part that it acts on".to_owned());
             continue;
         }
+        // What was found is neither untestable nor answered by what was asked before.
+        if case.withdrawn.iter().any(|(name, _)| *name == entry.name) {
+            rejected.push(Rejected {
+                name: entry.name.to_owned(),
+                because: because(case, entry.name, 0.0),
+            });
+            continue;
+        }
         let own: Vec<&Score> = case
             .candidates
             .iter()
@@ -444,8 +452,7 @@ fn rest(case: &Case, effects: &[NamedEffect], absorbed: &[Absorbed]) -> (Vec<Rej
             .map(|(_, score)| score)
             .collect();
         let sensitivity = own.iter().map(|score| score.sensitivity).fold(0.0, f64::max);
-        let is_withdrawn = case.withdrawn.iter().any(|(name, _)| *name == entry.name);
-        if entry.name == LOST && !is_withdrawn {
+        if entry.name == LOST {
             match &case.lost {
                 Answer::Untestable(words) => untested(words.clone()),
                 Answer::Rejected(because) => rejected.push(Rejected {
@@ -463,7 +470,7 @@ fn rest(case: &Case, effects: &[NamedEffect], absorbed: &[Absorbed]) -> (Vec<Rej
                     because: "the wheels answer to the set-points as sent".to_owned(),
                 }),
             }
-        } else if own.is_empty() && !is_withdrawn {
+        } else if own.is_empty() {
             untested("these runs command nothing that it could act on".to_owned());
         } else if sensitivity < TESTABLE {
             untested(format!(
