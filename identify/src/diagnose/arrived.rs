@@ -314,6 +314,7 @@ impl Question<'_> {
                 is_beside_a_large_rest: false,
                 trend: None,
                 suspected: None,
+                is_shown_together: false,
             },
             runs: runs.into_iter().chain(locked).collect(),
         })))

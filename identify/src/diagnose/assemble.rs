@@ -74,11 +74,25 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
             }
             Verified::Not(words) => {
                 let names = case.taken.iter().filter(|taken| !taken.tiny);
-                let names = names.map(|taken| taken.finalist.member.candidate.entry.name);
-                let names: Vec<&str> = names.collect();
-                case.withdrawn
-                    .extend(names.into_iter().map(|name| (name, words.clone())));
-                verdict = Verdict::Unexplained;
+                let names: Vec<&Taken> = names.collect();
+                let is_weak = names.iter().all(|taken| taken.is_shown_together);
+                let names = names.iter().map(|taken| taken.finalist.member.candidate.entry.name);
+                let names: Vec<&'static str> = names.collect();
+                if is_weak {
+                    // What less speaks for than is asked is no disagreement when it is none.
+                    let told = names.iter().map(|name| {
+                        format!(
+                            "{name}: all open runs together show it just beyond chance, and it is not believed: {words}"
+                        )
+                    });
+                    case.remarks.extend(told);
+                    case.taken.retain(|taken| taken.tiny);
+                    verdict = super::verdict::verdict(case);
+                } else {
+                    case.withdrawn
+                        .extend(names.into_iter().map(|name| (name, words.clone())));
+                    verdict = Verdict::Unexplained;
+                }
                 after = without_names(case, verdict);
                 (gap, explained) = gap_table(case, &after);
             }
@@ -89,7 +103,8 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
         case.remarks.push(words.to_owned());
     }
     for taken in case.taken.iter().filter(|taken| !taken.tiny) {
-        case.remarks.extend(taken.remarks());
+        case.remarks
+            .extend(taken.remarks(case.floor.may_have_had(taken.finalist.size)));
     }
     let model = model_version(case, &after);
     let effects = named(case, is_proven);

@@ -195,6 +195,7 @@ impl Choice<'_> {
                 is_beside_a_large_rest: false,
                 trend: None,
                 suspected: None,
+                is_shown_together: false,
             });
             free = with;
             open.retain(|other| *other != group);

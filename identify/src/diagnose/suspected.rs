@@ -36,16 +36,21 @@ pub(super) fn take_suspect(
         floor: &case.floor,
         reference_metric,
         model: &model,
+        candidates: &case.candidates,
+        members: members.as_slice(),
         train: train.side(),
         validation: validation.side(),
         fitted: few.as_ref().unwrap_or(&all).side(),
         least_size: TINY,
+        seed: case.input.seed,
     };
     let mut denied: Vec<&'static str> = case.withdrawn.iter().map(|pair| pair.0).collect();
     let suspect = loop {
-        let Some(suspect) = question.suspect(workers, stop, &denied)? else {
-            break None;
+        let found = match question.suspect(workers, stop, &denied)? {
+            Some(suspect) => Some(suspect),
+            None => question.overlooked(workers, stop, &denied)?,
         };
+        let Some(suspect) = found else { break None };
         let about = (&suspect.finalist, stop.threshold);
         if otherwise_calibrated(workers, case, stages, &all.records, about)?.is_none() {
             break Some(suspect);
@@ -58,6 +63,7 @@ pub(super) fn take_suspect(
         finalist,
         alternatives,
         because,
+        is_shown_together,
     }) = suspect
     else {
         case.deny(&excluded_by_alike);
@@ -78,6 +84,7 @@ pub(super) fn take_suspect(
         is_beside_a_large_rest: false,
         trend: None,
         suspected: Some(because),
+        is_shown_together,
         finalist,
         alternatives,
     };
@@ -123,6 +130,8 @@ pub(super) fn drop_doubtful(
         .zip(core::mem::take(members));
     for ((taken, member), doubtful) in all.zip(doubtful) {
         match doubtful {
+            // What was looked for with less evidence than is asked and is none is no disagreement.
+            Some(_) if taken.is_shown_together => {}
             Some(words) => case.withdrawn.push((taken.finalist.member.candidate.entry.name, words)),
             None => {
                 case.taken.push(taken);

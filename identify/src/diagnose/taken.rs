@@ -38,6 +38,8 @@ pub(super) struct Taken {
     pub may_be_none_on_average: bool,
     /// Nothing passed, and this is what is suspected: why it did not pass.
     pub suspected: Option<String>,
+    /// Neither training nor validation runs show it by themselves as far as is asked.
+    pub is_shown_together: bool,
     /// A name that explains more, and may be a law of another kind: what that law leaves may be all of this one.
     pub may_be_rest_of: Option<&'static str>,
     /// So much of what the runs are off by is left with all that is named that it may stand for something else.
@@ -68,6 +70,7 @@ impl Taken {
             may_be_none_on_average: false,
             trend: None,
             suspected: None,
+            is_shown_together: false,
             may_be_rest_of: None,
             is_beside_a_large_rest: false,
         }
@@ -87,7 +90,7 @@ impl Taken {
     /// Neither another law nor what was there before.
     pub fn is_sure(&self, floor: &Floor) -> bool {
         let is_all = !self.is_beside_a_large_rest && self.reservations().is_empty();
-        is_all && self.doubts().is_empty() && !floor.may_have_had(self.finalist.size)
+        is_all && self.doubts().is_empty() && floor.may_have_had(self.finalist.size).is_none()
     }
 
     /// Names that the data cannot tell from it.
@@ -127,7 +130,9 @@ impl Taken {
             )
         });
         let suspected = self.suspected.as_ref().map(|because| {
-            let why = if self.finalist.is_unshown {
+            let why = if self.is_shown_together {
+                "nothing was kept back that it could be checked on"
+            } else if self.finalist.is_unshown {
                 "only some runs show it, and those kept for checking hardly do"
             } else {
                 "training and validation runs show it, but not at the sizes that the training runs alone give"
@@ -141,9 +146,9 @@ impl Taken {
     /// Why there may be none of it.
     fn nothing(&self) -> Option<String> {
         let name = self.finalist.member.candidate.entry.name;
-        // A load may differ from run to run. Of what does not, and is only suspected, no gain makes up for a size that may be none; nor of
+        // A load may differ from run to run. Of what does not, and is only suspected, no gain makes up for a size that may be none on average; nor of
         // losses, which explain whatever set-points that are put elsewhere explain.
-        let is_of_a_run = self.suspected.is_none() || name == LOAD;
+        let is_of_a_run = self.suspected.is_none() || name == LOAD || !self.may_be_none_on_average;
         let is_sure = is_of_a_run && name != LOST && self.finalist.gain() >= SURELY * self.threshold;
         (self.may_be_none && !is_sure).then(|| {
             format!(
@@ -204,13 +209,16 @@ impl Taken {
     }
 
     /// All that a reader should know of it.
-    pub fn remarks(&self) -> Vec<String> {
+    ///
+    /// - `before`: why it may have been there before, if so.
+    pub fn remarks(&self, before: Option<&str>) -> Vec<String> {
         let name = self.finalist.member.candidate.entry.name;
         let but_one = self.finalist.is_but_one.then(|| {
             format!("{name}: one stretch of two seconds of the validation runs speaks against it and was left out, the others together speak for it")
         });
         let but_one: Vec<String> = but_one.into_iter().collect();
-        [self.doubts(), self.reservations(), but_one].concat()
+        let before: Vec<String> = before.iter().map(|why| format!("{name}: {why}")).collect();
+        [self.doubts(), self.reservations(), but_one, before].concat()
     }
 
     /// Both sides do not agree on its size, which is doubt enough.
@@ -302,6 +310,7 @@ mod tests {
             may_be_none_on_average: false,
             trend: None,
             suspected: None,
+            is_shown_together: false,
             may_be_rest_of: None,
             is_beside_a_large_rest: false,
         }
@@ -325,9 +334,14 @@ mod tests {
             ..taken(OFFSET, 20.0)
         };
         assert_eq!(suspected.doubts().len(), 1);
-        let none = Taken {
+        let on_average = Taken {
             may_be_none: true,
             ..suspected
+        };
+        assert_eq!(on_average.doubts().len(), 1, "all stretches together have some of it");
+        let none = Taken {
+            may_be_none_on_average: true,
+            ..on_average
         };
         assert_eq!(none.doubts().len(), 2, "such a name is withdrawn");
         let load = Taken {
@@ -540,10 +554,10 @@ mod tests {
     #[test]
     fn a_stretch_that_was_left_out_is_told_and_is_no_doubt() {
         let mut but_one = taken(OFFSET, 20.0);
-        assert!(but_one.remarks().is_empty());
+        assert!(but_one.remarks(None).is_empty());
         but_one.finalist.is_but_one = true;
         assert!(but_one.doubts().is_empty() && but_one.reservations().is_empty());
-        assert!(matches!(&but_one.remarks()[..], [one] if one.contains("was left out")));
+        assert!(matches!(&but_one.remarks(None)[..], [one] if one.contains("was left out")));
     }
 
     /// Below its practical size, and any stretch may have none of it.

@@ -143,9 +143,8 @@ pub(super) fn prefer(case: &Case, gap: &mut ValidationGap, members: &[Member], s
     let mut rivals: Vec<usize> = core::iter::once(accepted)
         .chain(stop.alternatives.iter().copied())
         .collect();
-    if !members.is_empty() {
-        by_size(&mut rivals, |position| stop.finalists[*position].size);
-    }
+    let least = if members.is_empty() { 1.0 } else { TINY };
+    by_size(&mut rivals, least, |position| stop.finalists[*position].size);
     let models: Vec<_> = rivals
         .iter()
         .map(|position| model(&stop.finalists[*position]))
@@ -161,10 +160,12 @@ pub(super) fn prefer(case: &Case, gap: &mut ValidationGap, members: &[Member], s
     stop.alternatives = alternatives;
 }
 
-/// Those of a size that is a change come before those of one that would be calibration: where something has changed, references have calibrated what is
-/// small and the same.
-fn by_size(rivals: &mut [usize], size: impl Fn(&usize) -> f64) {
-    rivals.sort_by_key(|position| size(position) < TINY);
+/// Those of a size that is a change come before those of one that would be calibration, which the references have taken up: to absorb the small one would be
+/// to deny the other, which explains as much.
+///
+/// - `least`: practical sizes of a change.
+fn by_size(rivals: &mut [usize], least: f64, size: impl Fn(&usize) -> f64) {
+    rivals.sort_by_key(|position| size(position) < least);
 }
 
 /// The preferred position and those that are alternatives to it.
@@ -276,8 +277,13 @@ mod tests {
     fn what_would_be_calibration_gives_way_to_a_change() {
         let sizes = [0.6, 3.2, f64::INFINITY, 0.5];
         let mut rivals = [0, 3, 1, 2];
-        by_size(&mut rivals, |position| sizes[*position]);
+        by_size(&mut rivals, TINY, |position| sizes[*position]);
         assert_eq!(rivals, [1, 2, 0, 3]);
+        let sizes = [0.9, 1.9];
+        let (mut beside, mut alone) = ([0, 1], [0, 1]);
+        by_size(&mut beside, TINY, |position| sizes[*position]);
+        by_size(&mut alone, 1.0, |position| sizes[*position]);
+        assert_eq!((beside, alone), ([0, 1], [1, 0]));
     }
 
     #[test]

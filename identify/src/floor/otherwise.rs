@@ -14,6 +14,8 @@ use crate::workers::{Cancelled, Workers};
 const OTHERWISE: f64 = 0.08;
 /// What the floor's friction can be off by from what is described, practical sizes; more is for a name to explain.
 pub(super) const BELIEVABLE: f64 = 2.0;
+/// Without references an effect has to be larger, practical sizes.
+const UNDESCRIBED: f64 = 2.0;
 
 /// What is known of a knob before a calibration, in practical sizes.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -89,11 +91,19 @@ impl Floor {
         self.hold(workers, stages, &held)
     }
 
-    /// An effect of a size below the practical one may have been there before the references, which could not show it.
+    /// Why an effect of this size may have been there before: below the practical size where references could not show it; without references below twice
+    /// that, for a description is off by up to one in many things at once, and what they come to together looks like another one.
     ///
     /// - `size`: in practical sizes.
-    pub fn may_have_had(&self, size: f64) -> bool {
-        self.is_otherwise && size < 1.0
+    pub fn may_have_had(&self, size: f64) -> Option<&'static str> {
+        let is_undescribed = self.references.is_empty() && size < UNDESCRIBED;
+        let is_unshown = self.is_otherwise && size < 1.0;
+        if is_undescribed {
+            return Some(
+                "a size that what the description is off by may come to; references of the unchanged robot would tell",
+            );
+        }
+        is_unshown.then_some("a size that the references, which are driven otherwise, may not have shown")
     }
 
     /// Takes into the noise what runs leave under the present model, where references were driven otherwise.
@@ -195,8 +205,17 @@ mod tests {
     #[test]
     fn what_is_smaller_than_practical_may_have_been_there_before() {
         let mut floor = floor();
-        assert!(!floor.may_have_had(0.8));
+        assert_eq!(floor.may_have_had(0.8), None);
         floor.is_otherwise = true;
-        assert!(floor.may_have_had(0.8) && !floor.may_have_had(1.1));
+        assert!(floor.may_have_had(0.8).is_some() && floor.may_have_had(1.1).is_none());
+    }
+
+    #[test]
+    fn without_references_a_small_size_may_be_what_the_description_is_off_by() {
+        let mut floor = floor();
+        floor.references.clear();
+        assert!(floor.may_have_had(1.9).is_some_and(|why| why.contains("description")));
+        assert_eq!(floor.may_have_had(2.0), None);
+        assert_eq!(floor.may_have_had(f64::INFINITY), None, "a limit");
     }
 }

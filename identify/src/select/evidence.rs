@@ -30,26 +30,9 @@ const REPLICATES: usize = 200;
 
 /// Evidence on validation runs and references, and the first gate that it does not pass.
 pub(super) fn judge(data: &Round, fitted: &Fitted, threshold: f64) -> Finalist {
-    let member = fitted.fit.members[0].clone();
     let mut finalist = Finalist {
-        position: fitted.position,
-        size: member.candidate.size(&member.values),
-        sure_size: fitted.fit.sure_size(0),
-        gain_train: fitted.fit.gain,
-        weighed: fitted.fit.gain,
-        is_unshown: false,
-        gain_validation: 0.0,
-        change_validation: 0.0,
-        in_references: 0.0,
-        stability: 0.0,
-        is_in_turn: false,
-        is_but_one: false,
-        harmful: 1.0,
-        worse: None,
-        because: None,
-        cosine: 0.0,
-        member,
         joint: fitted.joint.clone(),
+        ..Finalist::of(fitted.position, &fitted.fit)
     };
     finalist.gain_train += sum(&beyond(data.floor, &data.train, &fitted.fit.residuals));
     if finalist.gain_train < weak_bar(data, threshold) {
@@ -406,25 +389,33 @@ pub(super) fn stability(data: &Round, pairs: &mut [(Finalist, &Fitted)]) {
             all
         })
         .collect();
+    let passes: Vec<bool> = pairs.iter().map(|(finalist, _)| finalist.because.is_none()).collect();
+    for ((finalist, _), share) in pairs.iter_mut().zip(wins(&gains, &passes, data.seed)) {
+        finalist.stability = share;
+    }
+}
+
+/// Share of half-splits in which each gains as much as the best of those that pass.
+///
+/// - `gains`: of each, by window.
+pub(super) fn wins(gains: &[Vec<f64>], passes: &[bool], seed: u64) -> Vec<f64> {
+    let mut wins = vec![0.0; gains.len()];
     let windows = gains.first().map_or(0, Vec::len);
     if windows == 0 {
-        return;
+        return wins;
     }
-    let passes: Vec<bool> = pairs.iter().map(|(finalist, _)| finalist.because.is_none()).collect();
-    let mut wins = vec![0.0; pairs.len()];
-    let mut random = Random::new(data.seed, 0x6861_6c66);
+    let mut random = Random::new(seed, 0x6861_6c66);
     for _ in 0..REPLICATES {
         let half: Vec<usize> = (0..windows).filter(|_| random.uniform() < 0.5).collect();
         let sums: Vec<f64> = gains.iter().map(|gain| half.iter().map(|w| gain[*w]).sum()).collect();
-        let open = sums.iter().zip(&passes).filter(|(_, passes)| **passes);
+        let open = sums.iter().zip(passes).filter(|(_, passes)| **passes);
         let best = open.map(|(sum, _)| *sum).fold(f64::NEG_INFINITY, f64::max);
         for (win, sum) in wins.iter_mut().zip(&sums) {
             *win += f64::from(u8::from(*sum >= 0.95 * best && *sum > 0.0));
         }
     }
-    for ((finalist, _), win) in pairs.iter_mut().zip(wins) {
-        finalist.stability = win / REPLICATES as f64;
-    }
+    wins.iter_mut().for_each(|win| *win /= REPLICATES as f64);
+    wins
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use twin::effect::Effect;
 
-use crate::fit::Member;
+use crate::fit::{Fit, Member};
 #[cfg(test)]
 use crate::hypothesis::Candidate;
 
@@ -54,6 +54,31 @@ pub struct Finalist {
 }
 
 impl Finalist {
+    /// What a fit found, of which nothing else is known yet: its first member.
+    pub(super) fn of(position: usize, fit: &Fit) -> Finalist {
+        let member = fit.members[0].clone();
+        Finalist {
+            position,
+            size: member.candidate.size(&member.values),
+            sure_size: fit.sure_size(0),
+            gain_train: fit.gain,
+            weighed: fit.gain,
+            is_unshown: false,
+            gain_validation: 0.0,
+            change_validation: 0.0,
+            in_references: 0.0,
+            stability: 0.0,
+            is_in_turn: false,
+            is_but_one: false,
+            harmful: 1.0,
+            worse: None,
+            because: None,
+            cosine: 0.0,
+            member,
+            joint: Vec::new(),
+        }
+    }
+
     pub fn gain(&self) -> f64 {
         self.gain_train + self.gain_validation
     }

@@ -11,6 +11,7 @@ mod kept;
 mod law_rest;
 mod lists;
 mod loud_starts;
+mod overlooked;
 mod round;
 mod split;
 mod survey;

@@ -28,19 +28,25 @@ pub struct Question<'a> {
     pub floor: &'a Floor,
     pub reference_metric: &'a Metric,
     pub model: &'a Hypothesis,
+    pub candidates: &'a [Candidate],
+    /// What the model has beyond the floor's.
+    pub members: &'a [Member],
     pub train: Side<'a>,
     pub validation: Side<'a>,
     /// Windows of both that are fitted to; all of them when there are few.
     pub fitted: Side<'a>,
     /// In practical sizes.
     pub least_size: f64,
+    pub seed: u64,
 }
 
-/// An effect that is suspected, others that explain as much, and why it did not pass.
+/// An effect that is suspected, others that explain as much, and why it is no more than that.
 pub struct Suspect {
     pub finalist: Finalist,
     pub alternatives: Vec<Finalist>,
     pub because: String,
+    /// Neither side shows it by itself as far as is asked.
+    pub is_shown_together: bool,
 }
 
 impl Question<'_> {
@@ -82,17 +88,23 @@ impl Question<'_> {
             return Ok(None);
         };
         let because = finalist.because.take();
-        let slack = slack_of(self.floor)(finalist.gain());
-        let is_near = |other: &Finalist| finalist.gain() - other.gain() < slack;
-        let alternatives = found.filter(is_near).collect();
+        let alternatives = found.filter(self.is_near(&finalist)).collect();
         Ok(Some(Suspect {
             finalist,
             alternatives,
             because: because.unwrap_or_else(|| "others explain more in too many half-splits".to_owned()),
+            is_shown_together: false,
         }))
     }
 
-    fn is_sound(&self, finalist: &Finalist, threshold: f64) -> bool {
+    /// Gains do not tell another from it.
+    pub(super) fn is_near(&self, finalist: &Finalist) -> impl Fn(&Finalist) -> bool + use<> {
+        let gain = finalist.gain();
+        let slack = slack_of(self.floor)(gain);
+        move |other| gain - other.gain() < slack
+    }
+
+    pub(super) fn is_sound(&self, finalist: &Finalist, threshold: f64) -> bool {
         finalist.size >= self.least_size && own_doubt(&self.floor.given.description, finalist, threshold).is_none()
     }
 
@@ -102,30 +114,39 @@ impl Question<'_> {
     }
 
     /// Two runs or more show it, each more than a small part of what the first of them does.
-    fn is_met_again(&self, finalist: &Finalist) -> bool {
+    pub(super) fn is_met_again(&self, finalist: &Finalist) -> bool {
+        let mut gains: Vec<f64> = self
+            .gains(finalist)
+            .iter()
+            .map(|windows| windows.iter().sum())
+            .collect();
+        gains.sort_by(|a, b| b.total_cmp(a));
+        let chance = VALIDATION_GAIN * self.floor.inflation();
+        gains.len() > 1 && gains[1] >= (HARDLY * gains[0]).max(chance)
+    }
+
+    /// What it explains of every window of every open run.
+    pub(super) fn gains(&self, finalist: &Finalist) -> Vec<Vec<f64>> {
         let model = with_members(self.model, core::slice::from_ref(&finalist.member));
         let stages = finalist.member.candidate.stages;
-        let gains = |side: &Side| -> Vec<f64> {
+        let gains = |side: &Side| -> Vec<Vec<f64>> {
             let pairs = side.records.iter().zip(side.residuals);
             let changed = pairs
                 .map(|(record, base)| residuals_with(record, &model, 1, stages, base).unwrap_or_else(|| base.clone()));
             let kept = side
                 .bounds
                 .keep(side.metric, side.records, side.residuals, changed.collect());
-            let gain = |run: usize| {
-                let energy = |vector: &[f64]| -> f64 {
-                    window_energies(side.metric, run, &side.records[run], vector)
-                        .iter()
-                        .sum()
-                };
-                energy(&side.residuals[run]) - energy(&kept.residuals[run])
-            };
-            (0..side.records.len()).map(gain).collect()
+            let of = |run: usize, vector: &[f64]| window_energies(side.metric, run, &side.records[run], vector);
+            let runs = 0..side.records.len();
+            runs.map(|run| {
+                let pairs = of(run, &side.residuals[run])
+                    .into_iter()
+                    .zip(of(run, &kept.residuals[run]));
+                pairs.map(|(before, after)| before - after).collect()
+            })
+            .collect()
         };
-        let mut gains = [gains(&self.train), gains(&self.validation)].concat();
-        gains.sort_by(|a, b| b.total_cmp(a));
-        let chance = VALIDATION_GAIN * self.floor.inflation();
-        gains.len() > 1 && gains[1] >= (HARDLY * gains[0]).max(chance)
+        [gains(&self.train), gains(&self.validation)].concat()
     }
 
     /// Fitted to both sides, if that explains each of them.
@@ -162,7 +183,7 @@ impl Question<'_> {
     }
 
     /// Windows that are fitted to, as a share of all.
-    fn share(&self) -> f64 {
+    pub(super) fn share(&self) -> f64 {
         let count = |side: &Side| side.residuals.iter().map(Vec::len).sum::<usize>() as f64;
         count(&self.fitted) / (count(&self.train) + count(&self.validation)).max(1.0)
     }
@@ -191,7 +212,7 @@ impl Question<'_> {
     }
 
     /// The finalist with the sizes of a fit and what they gain on either side; `None` when they cannot be simulated or make a channel louder.
-    fn judged(&self, finalist: &Finalist, fit: &Fit) -> Option<Finalist> {
+    pub(super) fn judged(&self, finalist: &Finalist, fit: &Fit) -> Option<Finalist> {
         let member = fit.members.first()?.clone();
         let model = with_members(self.model, core::slice::from_ref(&member));
         let stages = member.candidate.stages;

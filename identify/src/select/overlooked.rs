@@ -1,0 +1,152 @@
+//! What neither side of the data shows by itself, and both together do.
+//!
+//! Some of the open runs are searched and others are kept for checking: an effect that all of them show just beyond chance is not seen on some of them. When
+//! nothing else is found, all open runs are searched together. What passes there has nothing left to be checked on but the runs that stay locked, so it is
+//! never confirmed; each side has to show some of it for all that.
+
+use super::evidence::wins;
+use super::finalist::Finalist;
+use super::lists::short_list;
+use super::round::{Stop, VALIDATION_GAIN, WANTED, slices};
+use super::suspect::{PLACE, Question, Suspect};
+use crate::fit::{Member, Problem, fit};
+use crate::hypothesis::Candidate;
+use crate::screen::{Change, Score, columns, scores};
+use crate::workers::{Cancelled, Workers, gathered};
+
+/// Candidates with less than this share of the threshold on the training runs are not searched for on all of them.
+const WORTH_A_LOOK: f64 = 0.2;
+/// So many are fitted.
+const MOST: usize = 5;
+
+impl Question<'_> {
+    /// What all open runs show together, if each side shows some of it.
+    ///
+    /// - `stop`: the last round, which accepted nothing.
+    /// - `denied`: names that are none.
+    pub fn overlooked(
+        &self,
+        workers: &dyn Workers,
+        stop: &Stop,
+        denied: &[&str],
+    ) -> Result<Option<Suspect>, Cancelled> {
+        let is_open = |position: &usize| {
+            let candidate = &self.candidates[*position];
+            let name = candidate.entry.name;
+            let is_member = |member: &Member| {
+                let own = &member.candidate;
+                own.entry.name == name && own.index == candidate.index
+            };
+            stop.scores[*position].gain >= WORTH_A_LOOK * stop.threshold
+                && !denied.contains(&name)
+                && !self.floor.has_absorbed(name)
+                && !self.members.iter().any(is_member)
+        };
+        let open: Vec<usize> = (0..self.candidates.len()).filter(is_open).collect();
+        let candidates: Vec<Candidate> = open.iter().map(|p| self.candidates[*p].clone()).collect();
+        let scores = self.scores_of_all(workers, &candidates)?;
+        let mut order: Vec<usize> = (0..open.len())
+            .filter(|item| scores[*item].gain >= WANTED * stop.threshold)
+            .collect();
+        order.sort_by(|a, b| scores[*b].gain.total_cmp(&scores[*a].gain).then(a.cmp(b)));
+        let mut list = short_list(&candidates, &order, &scores);
+        list.truncate(MOST);
+        let starts = list.iter().flat_map(|item| {
+            let all = core::iter::once(&scores[*item].start).chain(&scores[*item].more_starts);
+            all.map(|start| (*item, start.clone()))
+        });
+        let starts: Vec<(usize, Vec<f64>)> = starts.collect();
+        let few = &self.fitted;
+        let problem = Problem {
+            records: few.records,
+            metric: few.metric,
+            bounds: few.bounds,
+            base: self.model,
+            residuals: few.residuals,
+            wanted_gain: WANTED * stop.threshold * self.share(),
+        };
+        let judged = gathered(workers, starts.len(), &|item| {
+            let (candidate, values) = &starts[item];
+            let member = Member {
+                candidate: candidates[*candidate].clone(),
+                values: values.clone(),
+            };
+            let fit = fit(&problem, vec![member])?;
+            self.judged(&Finalist::of(open[*candidate], &fit), &fit)
+        })?;
+        let is_shown = |found: &Finalist| {
+            is_shown_together([found.gain_train, found.gain_validation], stop.threshold)
+                && self.is_sound(found, stop.threshold)
+                && (found.member.candidate.entry.name != PLACE || self.is_met_again(found))
+        };
+        let mut found: Vec<Finalist> = judged.into_iter().flatten().filter(is_shown).collect();
+        found.sort_by(|a, b| b.gain().total_cmp(&a.gain()).then(a.position.cmp(&b.position)));
+        let mut seen: Vec<usize> = Vec::new();
+        found.retain(|finalist| {
+            let is_best_start = !seen.contains(&finalist.position);
+            seen.push(finalist.position);
+            is_best_start
+        });
+        let gains: Vec<Vec<f64>> = found.iter().map(|finalist| self.gains(finalist).concat()).collect();
+        let passes = vec![true; found.len()];
+        for (finalist, share) in found.iter_mut().zip(wins(&gains, &passes, self.seed)) {
+            finalist.stability = share;
+        }
+        let mut found = found.into_iter();
+        Ok(found.next().map(|finalist| {
+            let is_near = self.is_near(&finalist);
+            Suspect {
+                alternatives: found.filter(is_near).collect(),
+                because: format!(
+                    "all open runs together show it at {:.0}, the runs that were searched at {:.0}, the threshold being {:.0}",
+                    finalist.gain(),
+                    finalist.gain_train,
+                    stop.threshold
+                ),
+                is_shown_together: true,
+                finalist,
+            }
+        }))
+    }
+
+    /// Scores of candidates on all open runs.
+    fn scores_of_all(&self, workers: &dyn Workers, candidates: &[Candidate]) -> Result<Vec<Score>, Cancelled> {
+        let changes = candidates.iter().flat_map(|candidate| {
+            candidate.columns.iter().map(|column| Change {
+                hypothesis: self.model.with(candidate.effect(&column.values)),
+                added: 1,
+                stages: candidate.stages,
+                step: 1.0,
+            })
+        });
+        let changes: Vec<Change> = changes.collect();
+        let side = &self.fitted;
+        let columns = columns(workers, side.records, side.residuals, &changes)?;
+        let mut vectors: Vec<Vec<&[f64]>> = vec![slices(side.residuals)];
+        vectors.extend(columns.iter().map(|column| slices(column)));
+        let mut gram = side.metric.gram(&vectors);
+        gram.scale(1.0 / self.share());
+        Ok(scores(candidates, &gram))
+    }
+}
+
+/// Beyond the threshold together, and on each side as chance does not have it for one candidate.
+fn is_shown_together(sides: [f64; 2], threshold: f64) -> bool {
+    sides[0] + sides[1] >= threshold && sides.iter().all(|gain| *gain >= VALIDATION_GAIN)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn both_sides_have_to_show_some_of_it() {
+        assert!(is_shown_together([20.0, 15.0], 34.0));
+        assert!(!is_shown_together([20.0, 13.0], 34.0), "not beyond chance");
+        assert!(
+            !is_shown_together([400.0, 5.0], 34.0),
+            "the runs kept for checking say nothing of it"
+        );
+        assert!(!is_shown_together([5.0, 400.0], 34.0));
+    }
+}
