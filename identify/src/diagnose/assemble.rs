@@ -6,11 +6,12 @@ use twin::effect::library::LIBRARY;
 use twin::model_document::ModelDocument;
 
 use super::arrived::{Answer, take_back};
+use super::beside::doubt_beside_a_rest;
 use super::gap_table::gap_table;
 use super::interval::sizes;
 use super::louder::louder;
 use super::nearest::{nearest, suspect};
-use super::taken::{Taken, doubt_beside_a_rest};
+use super::taken::Taken;
 use super::verdict::{FEWEST_RUNS, is_hardly_explained, validated, verdict};
 use super::verified::{Names, Verified, disagree_alone, leaves, verified};
 use super::{Case, DiagnoseError, Diagnosis, LIBRARY_VERSION};

@@ -1,9 +1,9 @@
 //! What was named, fitted on all open runs.
 
+use super::beside::{calibrate_small, reserve_rests};
 use super::evenness::evenness;
 use super::interval::may_be_none;
 use super::prepared::{Prepared, prepare};
-use super::taken::{calibrate_small, reserve_rests};
 use super::trend::trend;
 use super::{Case, DiagnoseError, TINY, loudness};
 use crate::fit::{Member, Problem, fit, with_members};

@@ -3,6 +3,7 @@
 mod absorb;
 mod arrived;
 mod assemble;
+mod beside;
 mod calibrate;
 mod described;
 mod energy;

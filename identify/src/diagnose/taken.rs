@@ -7,7 +7,6 @@ use crate::floor::Floor;
 use crate::hypothesis::LOST;
 use crate::select::{Finalist, Stop};
 use twin::COULOMB_SCALE_RAD_PER_S;
-use twin::effect::library::Hook;
 
 /// Gain in thresholds from which an interval that reaches to no effect is the interval's fault.
 const SURELY: f64 = 10.0;
@@ -82,7 +81,7 @@ impl Taken {
     }
 
     /// Its size is not the same everywhere: a law of another kind may be behind it.
-    fn may_be_another_law(&self) -> bool {
+    pub fn may_be_another_law(&self) -> bool {
         let is_no_one_size = self.uneven().is_some() || self.trend.is_some_and(|trend| trend.is_sure());
         is_no_one_size && !self.is_reconciled() && self.finalist.member.candidate.entry.name != LOAD
     }
@@ -143,13 +142,18 @@ impl Taken {
         doubts.chain(suspected).collect()
     }
 
+    /// It gains so many thresholds that the rest of what speaks against it is at fault.
+    pub fn is_sure_by_gain(&self) -> bool {
+        self.finalist.gain() >= SURELY * self.threshold
+    }
+
     /// Why there may be none of it.
     fn nothing(&self) -> Option<String> {
         let name = self.finalist.member.candidate.entry.name;
         // A load may differ from run to run. Of what does not, and is only suspected, no gain makes up for a size that may be none on average; nor of
         // losses, which explain whatever set-points that are put elsewhere explain.
         let is_of_a_run = self.suspected.is_none() || name == LOAD || !self.may_be_none_on_average;
-        let is_sure = is_of_a_run && name != LOST && self.finalist.gain() >= SURELY * self.threshold;
+        let is_sure = is_of_a_run && name != LOST && self.is_sure_by_gain();
         (self.may_be_none && !is_sure).then(|| {
             format!(
                 "{name}: by the interval of its size there may be none of it, although it explains what chance does not"
@@ -175,7 +179,17 @@ impl Taken {
     pub fn reservations(&self) -> Vec<String> {
         let mut all = self.other_laws();
         all.extend(self.smoothed());
+        all.extend(self.small());
         all
+    }
+
+    /// Why less than a practical size is no news: that much may be another effect, or everyday.
+    fn small(&self) -> Option<String> {
+        let (name, size) = (self.finalist.member.candidate.entry.name, self.finalist.size);
+        let is_small = size < 1.0 && name != LOST && !self.is_sure_by_gain();
+        is_small.then(|| {
+            format!("{name}: less than is practical to find ({size:.2} of it) and not far beyond chance, so it may stand for another effect")
+        })
     }
 
     /// Why its law may be another one.
@@ -227,68 +241,12 @@ impl Taken {
     }
 }
 
-/// What is below its practical size, and by its interval may be none, is calibration; losses are not, nor what gains so much that the interval is at fault
-/// while there is some of it on average. Beside what surely is a change it is one only if there may be none of it on average: what every stretch may lack, the
-/// whole of them may show.
-pub(super) fn calibrate_small(all: &mut [Taken]) {
-    let is_small = |taken: &Taken| {
-        let is_there = !taken.may_be_none_on_average && taken.finalist.gain() >= SURELY * taken.threshold;
-        let may_be_none = taken.may_be_none && !is_there;
-        may_be_none && taken.finalist.size < 1.0 && taken.finalist.member.candidate.entry.name != LOST
-    };
-    let is_beside = all.iter().any(|taken| !taken.tiny && !is_small(taken));
-    for taken in all {
-        taken.tiny |= is_small(taken) && (taken.may_be_none_on_average || !is_beside);
-    }
-}
-
-/// What acts in the same part of the robot as a name that may be another law, and explains less, is not confirmed beside it: of a law and of what it lacks two
-/// names are made.
-pub(super) fn reserve_rests(all: &mut [Taken]) {
-    let part = |taken: &Taken| taken.finalist.member.candidate.entry.hook;
-    let laws: Vec<(f64, Hook, &'static str)> = all
-        .iter()
-        .filter(|taken| !taken.tiny && taken.may_be_another_law())
-        .map(|taken| {
-            (
-                taken.finalist.gain(),
-                part(taken),
-                taken.finalist.member.candidate.entry.name,
-            )
-        })
-        .collect();
-    for taken in all {
-        let (own, part) = (taken.finalist.gain(), part(taken));
-        let louder = laws.iter().filter(|(gain, other, _)| *gain > own && *other == part);
-        taken.may_be_rest_of = louder.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, _, name)| *name);
-    }
-}
-
-/// Where much is left names that are not proven by themselves may stand for what is missing. Those that nothing else speaks against, in words.
-pub(super) fn doubt_beside_a_rest(all: &mut [Taken]) -> Option<String> {
-    let mut names = Vec::new();
-    for taken in all.iter_mut().filter(|taken| !taken.tiny && !taken.is_proven()) {
-        let name = taken.finalist.member.candidate.entry.name;
-        let is_unquestioned = taken.doubts().is_empty() && taken.reservations().is_empty();
-        if is_unquestioned && taken.other_names().is_empty() && !names.contains(&name) {
-            names.push(name);
-        }
-        taken.is_beside_a_large_rest = true;
-    }
-    (!names.is_empty()).then(|| format!("{}: not confirmed while so much is missing", names.join(", ")))
-}
-
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::fit::Member;
-    use crate::hypothesis::{Excitation, candidates, lost_set_points};
-
-    const OFFSET: &str = "center_of_mass_offset";
-
+impl Taken {
     /// An effect that gains so many thresholds.
-    fn taken(name: &str, thresholds: f64) -> Taken {
-        let all = candidates(&twin::golden::reference_robot("diff2"), &Excitation::default());
+    pub fn sample(name: &str, thresholds: f64) -> Taken {
+        let robot = twin::golden::reference_robot("diff2");
+        let all = crate::hypothesis::candidates(&robot, &crate::hypothesis::Excitation::default());
         let Some(position) = all.iter().position(|candidate| candidate.entry.name == name) else {
             panic!("no {name} in the library");
         };
@@ -315,23 +273,32 @@ mod tests {
             is_beside_a_large_rest: false,
         }
     }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::Member;
+    use crate::hypothesis::lost_set_points;
+
+    const OFFSET: &str = "center_of_mass_offset";
 
     #[test]
     fn evidence_makes_up_for_a_wide_interval_and_not_for_a_suspicion() {
-        assert!(taken(OFFSET, 2.0).doubts().is_empty());
+        assert!(Taken::sample(OFFSET, 2.0).doubts().is_empty());
         let weak = Taken {
             may_be_none: true,
-            ..taken(OFFSET, 2.0)
+            ..Taken::sample(OFFSET, 2.0)
         };
         assert!(matches!(&weak.doubts()[..], [doubt] if doubt.contains("there may be none of it")));
         let strong = Taken {
             may_be_none: true,
-            ..taken(OFFSET, 20.0)
+            ..Taken::sample(OFFSET, 20.0)
         };
         assert!(strong.doubts().is_empty());
         let suspected = Taken {
             suspected: Some("makes 9 % of the bootstrap replicates worse".to_owned()),
-            ..taken(OFFSET, 20.0)
+            ..Taken::sample(OFFSET, 20.0)
         };
         assert_eq!(suspected.doubts().len(), 1);
         let on_average = Taken {
@@ -345,7 +312,7 @@ mod tests {
         };
         assert_eq!(none.doubts().len(), 2, "such a name is withdrawn");
         let load = Taken {
-            finalist: taken(LOAD, 20.0).finalist,
+            finalist: Taken::sample(LOAD, 20.0).finalist,
             ..none
         };
         assert_eq!(load.doubts().len(), 1, "runs may have had other loads");
@@ -360,12 +327,12 @@ mod tests {
                 surprise: 7.5,
                 of_mean: 0.15,
             }),
-            ..taken(OFFSET, 5.0)
+            ..Taken::sample(OFFSET, 5.0)
         };
         assert_eq!(uneven.doubts().len(), 2, "both are told");
         assert_eq!(uneven.independent_doubts(true), 1);
         assert_eq!(uneven.independent_doubts(false), 2, "nothing vouches for it");
-        assert!(!uneven.vouches() && taken(OFFSET, 5.0).vouches());
+        assert!(!uneven.vouches() && Taken::sample(OFFSET, 5.0).vouches());
         let none_on_average = Taken {
             may_be_none_on_average: true,
             ..uneven.clone()
@@ -385,7 +352,7 @@ mod tests {
         let Some(candidate) = lost_set_points(&twin::golden::reference_robot("diff2")) else {
             panic!("a robot with set-points may lose them");
         };
-        let mut losses = taken(OFFSET, 200.0);
+        let mut losses = Taken::sample(OFFSET, 200.0);
         losses.finalist.member = Member {
             values: vec![0.3, 0.03],
             candidate,
@@ -403,7 +370,7 @@ mod tests {
                 surprise: 9.0,
                 of_mean: 0.1,
             }),
-            ..taken(OFFSET, 2.0)
+            ..Taken::sample(OFFSET, 2.0)
         };
         assert!(matches!(&uneven.doubts()[..], [doubt] if doubt.contains("0.8 times itself, so")));
         let with_speed = Taken {
@@ -439,35 +406,9 @@ mod tests {
     }
 
     #[test]
-    fn what_explains_less_than_another_law_may_be_its_rest() {
-        let law = Taken {
-            trend: Some(Trend {
-                variable: 0,
-                slope: 0.3,
-                surprise: 16.0,
-            }),
-            ..taken("viscous_friction", 20.0)
-        };
-        let mut all = [
-            taken(OFFSET, 40.0),
-            law,
-            taken("stribeck_friction", 4.0),
-            taken("gyro_bias", 4.0),
-        ];
-        reserve_rests(&mut all);
-        let rest_of = all.clone().map(|taken| taken.may_be_rest_of);
-        assert_eq!(rest_of, [None, None, Some("viscous_friction"), None]);
-        assert!(all[2].doubts().is_empty(), "not withdrawn for it");
-        assert!(matches!(&all[2].reservations()[..], [one] if one.contains("make up for what viscous_friction")));
-        all[1].trend = None;
-        reserve_rests(&mut all);
-        assert!(all.iter().all(|taken| taken.reservations().is_empty()));
-    }
-
-    #[test]
     fn friction_slower_than_the_twins_own_smoothing_is_not_confirmed() {
         let of = |speed: f64| {
-            let mut stribeck = taken(STRIBECK, 20.0);
+            let mut stribeck = Taken::sample(STRIBECK, 20.0);
             let axes = &stribeck.finalist.member.candidate.axes;
             let Some(axis) = axes.iter().position(|axis| axis.name == "speed") else {
                 panic!("a Stribeck curve has a speed");
@@ -482,7 +423,7 @@ mod tests {
     /// What makes up for the twin's own smoothing is no reason to drop a right name beside it.
     #[test]
     fn friction_that_is_smoothed_may_be_proven_and_does_not_vouch() {
-        let mut stribeck = taken(STRIBECK, 20.0);
+        let mut stribeck = Taken::sample(STRIBECK, 20.0);
         stribeck.finalist.change_validation = stribeck.finalist.gain_validation;
         for (value, axis) in stribeck
             .finalist
@@ -501,12 +442,12 @@ mod tests {
     #[test]
     fn what_both_sides_agree_on_at_ten_thresholds_is_proven() {
         let of = |thresholds: f64| {
-            let mut agreed = taken(OFFSET, thresholds);
+            let mut agreed = Taken::sample(OFFSET, thresholds);
             agreed.finalist.change_validation = agreed.finalist.gain_validation;
             agreed
         };
         assert!(of(20.0).is_proven() && !of(10.0).is_proven());
-        assert!(!taken(OFFSET, 20.0).is_proven(), "more than its size explains");
+        assert!(!Taken::sample(OFFSET, 20.0).is_proven(), "more than its size explains");
         let suspected = Taken {
             suspected: Some("at another size".to_owned()),
             ..of(20.0)
@@ -525,76 +466,27 @@ mod tests {
     }
 
     #[test]
-    fn beside_a_large_rest_only_what_is_proven_stays_confirmed() {
-        let mut proven = taken(OFFSET, 20.0);
-        proven.finalist.change_validation = proven.finalist.gain_validation;
-        let in_turn = {
-            let mut in_turn = taken("gear_backlash", 20.0);
-            in_turn.finalist.is_in_turn = true;
-            in_turn
+    fn less_than_a_practical_size_is_not_confirmed_unless_it_gains_ten_thresholds() {
+        let small = |thresholds: f64| {
+            let mut small = Taken::sample(OFFSET, thresholds);
+            small.finalist.size = 0.8;
+            small
         };
-        let calibration = Taken {
-            tiny: true,
-            ..taken("motor_lag", 4.0)
-        };
-        let mut all = [
-            proven,
-            taken("payload", 4.0),
-            taken("payload", 4.0),
-            in_turn,
-            calibration,
-        ];
-        let words = doubt_beside_a_rest(&mut all).unwrap_or_default();
-        assert_eq!(words, "payload: not confirmed while so much is missing");
-        let is_doubted = all.each_ref().map(|taken| taken.is_beside_a_large_rest);
-        assert_eq!(is_doubted, [false, true, true, true, false]);
-        assert_eq!(doubt_beside_a_rest(&mut all[..1]), None);
+        assert!(matches!(&small(9.0).reservations()[..], [one] if one.contains("0.80 of it")));
+        assert!(small(9.0).doubts().is_empty(), "not withdrawn for it");
+        assert!(small(11.0).reservations().is_empty());
+        assert!(
+            Taken::sample(OFFSET, 2.0).reservations().is_empty(),
+            "of a practical size"
+        );
     }
 
     #[test]
     fn a_stretch_that_was_left_out_is_told_and_is_no_doubt() {
-        let mut but_one = taken(OFFSET, 20.0);
+        let mut but_one = Taken::sample(OFFSET, 20.0);
         assert!(but_one.remarks(None).is_empty());
         but_one.finalist.is_but_one = true;
         assert!(but_one.doubts().is_empty() && but_one.reservations().is_empty());
         assert!(matches!(&but_one.remarks(None)[..], [one] if one.contains("was left out")));
-    }
-
-    /// Below its practical size, and any stretch may have none of it.
-    fn small(on_average: bool) -> Taken {
-        let mut small = Taken {
-            may_be_none: true,
-            may_be_none_on_average: on_average,
-            ..taken(OFFSET, 4.0)
-        };
-        small.finalist.size = 0.9;
-        small
-    }
-
-    #[test]
-    fn only_a_sure_change_vouches_for_a_small_one_and_not_for_one_of_which_there_may_be_none() {
-        let tiny = |mut all: Vec<Taken>| {
-            calibrate_small(&mut all);
-            all.iter().map(|taken| taken.tiny).collect::<Vec<bool>>()
-        };
-        assert_eq!(tiny(vec![small(false)]), [true], "alone");
-        let surely = |on_average: bool| Taken {
-            threshold: small(on_average).threshold / 3.0,
-            ..small(on_average)
-        };
-        assert_eq!(tiny(vec![surely(false)]), [false], "twelve thresholds");
-        assert_eq!(tiny(vec![surely(true)]), [true], "of nothing on average");
-        assert_eq!(tiny(vec![taken("payload", 4.0), small(false)]), [false, false]);
-        assert_eq!(tiny(vec![taken("payload", 4.0), small(true)]), [false, true]);
-        assert_eq!(
-            tiny(vec![small(false), small(false)]),
-            [true, true],
-            "none vouches for the other"
-        );
-        let calibrated = Taken {
-            tiny: true,
-            ..taken("payload", 4.0)
-        };
-        assert_eq!(tiny(vec![calibrated, small(false)]), [true, true]);
     }
 }

@@ -1,0 +1,155 @@
+//! What is named beside each other: what is calibration, what is the rest of another law, and what stands for something that is missing.
+
+use super::taken::Taken;
+use crate::hypothesis::LOST;
+use twin::effect::library::Hook;
+
+/// What is below its practical size, and by its interval may be none, is calibration; losses are not, nor what gains so much that the interval is at fault
+/// while there is some of it on average. Beside what surely is a change it is one only if there may be none of it on average: what every stretch may lack, the
+/// whole of them may show.
+pub(super) fn calibrate_small(all: &mut [Taken]) {
+    let is_small = |taken: &Taken| {
+        let is_there = !taken.may_be_none_on_average && taken.is_sure_by_gain();
+        let may_be_none = taken.may_be_none && !is_there;
+        may_be_none && taken.finalist.size < 1.0 && taken.finalist.member.candidate.entry.name != LOST
+    };
+    let is_beside = all.iter().any(|taken| !taken.tiny && !is_small(taken));
+    for taken in all {
+        taken.tiny |= is_small(taken) && (taken.may_be_none_on_average || !is_beside);
+    }
+}
+
+/// What acts in the same part of the robot as a name that may be another law, and explains less, is not confirmed beside it: of a law and of what it lacks two
+/// names are made.
+pub(super) fn reserve_rests(all: &mut [Taken]) {
+    let part = |taken: &Taken| taken.finalist.member.candidate.entry.hook;
+    let laws: Vec<(f64, Hook, &'static str)> = all
+        .iter()
+        .filter(|taken| !taken.tiny && taken.may_be_another_law())
+        .map(|taken| {
+            (
+                taken.finalist.gain(),
+                part(taken),
+                taken.finalist.member.candidate.entry.name,
+            )
+        })
+        .collect();
+    for taken in all {
+        let (own, part) = (taken.finalist.gain(), part(taken));
+        let louder = laws.iter().filter(|(gain, other, _)| *gain > own && *other == part);
+        taken.may_be_rest_of = louder.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, _, name)| *name);
+    }
+}
+
+/// Where much is left names that are not proven by themselves may stand for what is missing. Those that nothing else speaks against, in words.
+pub(super) fn doubt_beside_a_rest(all: &mut [Taken]) -> Option<String> {
+    let mut names = Vec::new();
+    for taken in all.iter_mut().filter(|taken| !taken.tiny && !taken.is_proven()) {
+        let name = taken.finalist.member.candidate.entry.name;
+        let is_unquestioned = taken.doubts().is_empty() && taken.reservations().is_empty();
+        if is_unquestioned && taken.other_names().is_empty() && !names.contains(&name) {
+            names.push(name);
+        }
+        taken.is_beside_a_large_rest = true;
+    }
+    (!names.is_empty()).then(|| format!("{}: not confirmed while so much is missing", names.join(", ")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::trend::Trend;
+    use super::*;
+
+    const OFFSET: &str = "center_of_mass_offset";
+
+    #[test]
+    fn what_explains_less_than_another_law_may_be_its_rest() {
+        let law = Taken {
+            trend: Some(Trend {
+                variable: 0,
+                slope: 0.3,
+                surprise: 16.0,
+            }),
+            ..Taken::sample("viscous_friction", 20.0)
+        };
+        let mut all = [
+            Taken::sample(OFFSET, 40.0),
+            law,
+            Taken::sample("stribeck_friction", 4.0),
+            Taken::sample("gyro_bias", 4.0),
+        ];
+        reserve_rests(&mut all);
+        let rest_of = all.clone().map(|taken| taken.may_be_rest_of);
+        assert_eq!(rest_of, [None, None, Some("viscous_friction"), None]);
+        assert!(all[2].doubts().is_empty(), "not withdrawn for it");
+        assert!(matches!(&all[2].reservations()[..], [one] if one.contains("make up for what viscous_friction")));
+        all[1].trend = None;
+        reserve_rests(&mut all);
+        assert!(all.iter().all(|taken| taken.reservations().is_empty()));
+    }
+
+    #[test]
+    fn beside_a_large_rest_only_what_is_proven_stays_confirmed() {
+        let mut proven = Taken::sample(OFFSET, 20.0);
+        proven.finalist.change_validation = proven.finalist.gain_validation;
+        let in_turn = {
+            let mut in_turn = Taken::sample("gear_backlash", 20.0);
+            in_turn.finalist.is_in_turn = true;
+            in_turn
+        };
+        let calibration = Taken {
+            tiny: true,
+            ..Taken::sample("motor_lag", 4.0)
+        };
+        let mut all = [
+            proven,
+            Taken::sample("payload", 4.0),
+            Taken::sample("payload", 4.0),
+            in_turn,
+            calibration,
+        ];
+        let words = doubt_beside_a_rest(&mut all).unwrap_or_default();
+        assert_eq!(words, "payload: not confirmed while so much is missing");
+        let is_doubted = all.each_ref().map(|taken| taken.is_beside_a_large_rest);
+        assert_eq!(is_doubted, [false, true, true, true, false]);
+        assert_eq!(doubt_beside_a_rest(&mut all[..1]), None);
+    }
+
+    /// Below its practical size, and any stretch may have none of it.
+    fn small(on_average: bool) -> Taken {
+        let mut small = Taken {
+            may_be_none: true,
+            may_be_none_on_average: on_average,
+            ..Taken::sample(OFFSET, 4.0)
+        };
+        small.finalist.size = 0.9;
+        small
+    }
+
+    #[test]
+    fn only_a_sure_change_vouches_for_a_small_one_and_not_for_one_of_which_there_may_be_none() {
+        let tiny = |mut all: Vec<Taken>| {
+            calibrate_small(&mut all);
+            all.iter().map(|taken| taken.tiny).collect::<Vec<bool>>()
+        };
+        assert_eq!(tiny(vec![small(false)]), [true], "alone");
+        let surely = |on_average: bool| Taken {
+            threshold: small(on_average).threshold / 3.0,
+            ..small(on_average)
+        };
+        assert_eq!(tiny(vec![surely(false)]), [false], "twelve thresholds");
+        assert_eq!(tiny(vec![surely(true)]), [true], "of nothing on average");
+        assert_eq!(tiny(vec![Taken::sample("payload", 4.0), small(false)]), [false, false]);
+        assert_eq!(tiny(vec![Taken::sample("payload", 4.0), small(true)]), [false, true]);
+        assert_eq!(
+            tiny(vec![small(false), small(false)]),
+            [true, true],
+            "none vouches for the other"
+        );
+        let calibrated = Taken {
+            tiny: true,
+            ..Taken::sample("payload", 4.0)
+        };
+        assert_eq!(tiny(vec![calibrated, small(false)]), [true, true]);
+    }
+}
