@@ -11,6 +11,7 @@ use super::gap_table::gap_table;
 use super::interval::sizes;
 use super::louder::louder;
 use super::nearest::{nearest, suspect};
+use super::suspected::{is_weak_alone, names_by_weight, without_weak};
 use super::taken::Taken;
 use super::verdict::{FEWEST_RUNS, is_hardly_explained, validated, verdict};
 use super::verified::{Names, Verified, disagree_alone, leaves, verified};
@@ -40,12 +41,10 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
         taken.is_beside_a_large_rest = is_beside_a_large_rest;
     }
     let mut verdict = verdict(case);
-    let levels = &case.levels;
-    if let Some(louder) = louder(&levels.after)
-        && matches!(verdict, Verdict::Unexplained | Verdict::Partial)
-    {
-        case.remarks.push(louder.words());
+    if verdict == Verdict::Unexplained && is_weak_alone(case) {
+        verdict = without_weak(case);
     }
+    let mut louder_words = words_of_louder(case, verdict);
     if verdict == Verdict::Unexplained || verdict == Verdict::NoDiscrepancy {
         after = without_names(case, verdict);
     }
@@ -74,24 +73,17 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
                 is_proven = false;
             }
             Verified::Not(words) => {
-                let names = case.taken.iter().filter(|taken| !taken.tiny);
-                let names: Vec<&Taken> = names.collect();
-                let is_weak = names.iter().all(|taken| taken.is_shown_together);
-                let names = names.iter().map(|taken| taken.finalist.member.candidate.entry.name);
-                let names: Vec<&'static str> = names.collect();
-                if is_weak {
-                    // What less speaks for than is asked is no disagreement when it is none.
-                    let told = names.iter().map(|name| {
-                        format!(
-                            "{name}: all open runs together show it just beyond chance, and it is not believed: {words}"
-                        )
-                    });
-                    case.remarks.extend(told);
-                    case.taken.retain(|taken| taken.tiny);
-                    verdict = super::verdict::verdict(case);
+                let (weak, others) = names_by_weight(case);
+                let told = weak.iter().map(|name| {
+                    format!("{name}: training and validation runs together show it, and it is not believed: {words}")
+                });
+                case.remarks.extend(told);
+                if others.is_empty() {
+                    verdict = without_weak(case);
+                    louder_words = words_of_louder(case, verdict);
                 } else {
                     case.withdrawn
-                        .extend(names.into_iter().map(|name| (name, words.clone())));
+                        .extend(others.into_iter().map(|name| (name, words.clone())));
                     verdict = Verdict::Unexplained;
                 }
                 after = without_names(case, verdict);
@@ -99,13 +91,13 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
             }
         }
     }
+    case.remarks.extend(louder_words);
     if is_beside_a_large_rest && case.taken.iter().any(|taken| !taken.tiny) {
         let words = "nearly all of what the runs are off by is left with what is named; not confirmed before something explains that";
         case.remarks.push(words.to_owned());
     }
     for taken in case.taken.iter().filter(|taken| !taken.tiny) {
-        case.remarks
-            .extend(taken.remarks(case.floor.may_have_had(taken.finalist.size)));
+        case.remarks.extend(taken.remarks(taken.before(&case.floor)));
     }
     let model = model_version(case, &after);
     let effects = named(case, is_proven);
@@ -159,6 +151,13 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
         library_version: LIBRARY_VERSION.to_owned(),
     };
     Ok(Diagnosis { report, model })
+}
+
+/// The channel that errs more than in the references, where something is left open.
+fn words_of_louder(case: &Case, verdict: Verdict) -> Option<String> {
+    let is_open = matches!(verdict, Verdict::Unexplained | Verdict::Partial);
+    let louder = louder(&case.levels.after).filter(|_| is_open);
+    louder.map(|louder| louder.words())
 }
 
 /// Drops all names; the model is the floor's, and the gap is where it was before they were fitted.

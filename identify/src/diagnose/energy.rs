@@ -53,6 +53,18 @@ impl Energies {
         quiet: Energy::NOTHING,
     };
 
+    /// The same with nothing named.
+    pub fn unnamed(&self) -> Energies {
+        let of = |energy: &Energy| Energy {
+            after: energy.before,
+            ..*energy
+        };
+        Energies {
+            all: of(&self.all),
+            quiet: of(&self.quiet),
+        }
+    }
+
     /// What runs have before anything is named, beside their references.
     pub fn before(floor: &Floor, references: Option<&Metric>, train: &Prepared, validation: &Prepared) -> Energies {
         let of = |is_quiet: bool| {

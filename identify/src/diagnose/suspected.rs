@@ -1,12 +1,15 @@
 //! When nothing could be named: what is suspected goes into the model as an effect that is not confirmed. And what is doubted twice, for reasons of their own, goes out of it.
 
+use super::nearest::unchecked;
 use super::opening::otherwise_calibrated;
 use super::prepared::Prepared;
 use super::taken::Taken;
+use super::verdict::verdict;
 use super::{Case, DiagnoseError, TINY, hear};
 use crate::fit::{Member, with_members};
 use crate::floor::Metric;
 use crate::record::Stages;
+use crate::report::schema::Verdict;
 use crate::select::{Question, Suspect};
 use crate::workers::{Cancelled, Workers};
 
@@ -48,7 +51,10 @@ pub(super) fn take_suspect(
     let suspect = loop {
         let found = match question.suspect(workers, stop, &denied)? {
             Some(suspect) => Some(suspect),
-            None => question.overlooked(workers, stop, &denied)?,
+            // What is known of some runs, and explains more of them, is not hidden behind it.
+            None => question
+                .overlooked(workers, stop, &denied)?
+                .filter(|found| unchecked(case).is_none_or(|other| other.gain_train <= found.finalist.gain_train)),
         };
         let Some(suspect) = found else { break None };
         let about = (&suspect.finalist, stop.threshold);
@@ -142,6 +148,32 @@ pub(super) fn drop_doubtful(
     case.fit = None;
     renew(workers, case, members, sides)?;
     Ok(true)
+}
+
+/// Names that less speaks for than is asked, and the others.
+pub(super) fn names_by_weight(case: &Case) -> (Vec<&'static str>, Vec<&'static str>) {
+    let names = case.taken.iter().filter(|taken| !taken.tiny);
+    let (weak, others): (Vec<&Taken>, Vec<&Taken>) = names.partition(|taken| taken.is_shown_together);
+    let of = |all: Vec<&Taken>| {
+        all.iter()
+            .map(|taken| taken.finalist.member.candidate.entry.name)
+            .collect()
+    };
+    (of(weak), of(others))
+}
+
+/// Nothing is named but such.
+pub(super) fn is_weak_alone(case: &Case) -> bool {
+    let (weak, others) = names_by_weight(case);
+    !weak.is_empty() && others.is_empty()
+}
+
+/// Takes out names that less speaks for than is asked: that they are none is no disagreement. The verdict without them.
+pub(super) fn without_weak(case: &mut Case) -> Verdict {
+    case.taken.retain(|taken| taken.tiny);
+    case.levels.after = case.levels.before.clone();
+    case.energies = case.energies.unnamed();
+    verdict(case)
 }
 
 /// The sides under another list of members.

@@ -9,7 +9,7 @@ use crate::select::{Finalist, Stop};
 use twin::COULOMB_SCALE_RAD_PER_S;
 
 /// Gain in thresholds from which an interval that reaches to no effect is the interval's fault.
-const SURELY: f64 = 10.0;
+pub(super) const SURELY: f64 = 10.0;
 
 /// The effect whose speed may be below that over which the twin's own dry friction is smoothed.
 const STRIBECK: &str = "stribeck_friction";
@@ -35,9 +35,9 @@ pub(super) struct Taken {
     pub may_be_none: bool,
     /// The same of the intervals of mean sizes.
     pub may_be_none_on_average: bool,
-    /// Nothing passed, and this is what is suspected: why it did not pass.
+    /// Nothing passed, and this is what is suspected: why it is no more than that.
     pub suspected: Option<String>,
-    /// Neither training nor validation runs show it by themselves as far as is asked.
+    /// Training runs do not show it by themselves as far as is asked.
     pub is_shown_together: bool,
     /// A name that explains more, and may be a law of another kind: what that law leaves may be all of this one.
     pub may_be_rest_of: Option<&'static str>,
@@ -89,7 +89,13 @@ impl Taken {
     /// Neither another law nor what was there before.
     pub fn is_sure(&self, floor: &Floor) -> bool {
         let is_all = !self.is_beside_a_large_rest && self.reservations().is_empty();
-        is_all && self.doubts().is_empty() && floor.may_have_had(self.finalist.size).is_none()
+        is_all && self.doubts().is_empty() && self.before(floor).is_none()
+    }
+
+    /// Why it may have been there before; lost set-points are no error of a description.
+    pub fn before(&self, floor: &Floor) -> Option<&'static str> {
+        let is_lost = self.finalist.member.candidate.entry.name == LOST;
+        floor.may_have_had(self.finalist.size).filter(|_| !is_lost)
     }
 
     /// Names that the data cannot tell from it.
@@ -130,7 +136,7 @@ impl Taken {
         });
         let suspected = self.suspected.as_ref().map(|because| {
             let why = if self.is_shown_together {
-                "nothing was kept back that it could be checked on"
+                "neither the runs that were searched nor those kept for checking show it by themselves as far as is asked, so none are left to check it on"
             } else if self.finalist.is_unshown {
                 "only some runs show it, and those kept for checking hardly do"
             } else {
@@ -284,7 +290,7 @@ mod tests {
     const OFFSET: &str = "center_of_mass_offset";
 
     #[test]
-    fn evidence_makes_up_for_a_wide_interval_and_not_for_a_suspicion() {
+    fn evidence_makes_up_for_a_wide_interval_and_for_a_suspicion_only_of_what_is_there_on_average() {
         assert!(Taken::sample(OFFSET, 2.0).doubts().is_empty());
         let weak = Taken {
             may_be_none: true,
@@ -485,6 +491,7 @@ mod tests {
     fn a_stretch_that_was_left_out_is_told_and_is_no_doubt() {
         let mut but_one = Taken::sample(OFFSET, 20.0);
         assert!(but_one.remarks(None).is_empty());
+        assert_eq!(but_one.remarks(Some("was there")), [format!("{OFFSET}: was there")]);
         but_one.finalist.is_but_one = true;
         assert!(but_one.doubts().is_empty() && but_one.reservations().is_empty());
         assert!(matches!(&but_one.remarks(None)[..], [one] if one.contains("was left out")));

@@ -4,6 +4,7 @@
 use super::exchange::is_same;
 use super::gap_table::ValidationGap;
 use super::prepared::Prepared;
+use super::taken::SURELY;
 use super::{Case, TINY};
 use crate::fit::{Member, with_members};
 use crate::hypothesis::Hypothesis;
@@ -143,8 +144,10 @@ pub(super) fn prefer(case: &Case, gap: &mut ValidationGap, members: &[Member], s
     let mut rivals: Vec<usize> = core::iter::once(accepted)
         .chain(stop.alternatives.iter().copied())
         .collect();
-    let least = if members.is_empty() { 1.0 } else { TINY };
-    by_size(&mut rivals, least, |position| stop.finalists[*position].size);
+    by_size(&mut rivals, !members.is_empty(), |position| {
+        let finalist = &stop.finalists[*position];
+        (finalist.size, finalist.gain() >= SURELY * stop.threshold)
+    });
     let models: Vec<_> = rivals
         .iter()
         .map(|position| model(&stop.finalists[*position]))
@@ -160,12 +163,16 @@ pub(super) fn prefer(case: &Case, gap: &mut ValidationGap, members: &[Member], s
     stop.alternatives = alternatives;
 }
 
-/// Those of a size that is a change come before those of one that would be calibration, which the references have taken up: to absorb the small one would be
-/// to deny the other, which explains as much.
+/// Those of a size that is a change come before those of one that would be calibration: to absorb the small one would be to deny the other, which explains
+/// as much.
 ///
-/// - `least`: practical sizes of a change.
-fn by_size(rivals: &mut [usize], least: f64, size: impl Fn(&usize) -> f64) {
-    rivals.sort_by_key(|position| size(position) < least);
+/// - `is_beside`: something is named already, so that less than a practical size is a change.
+/// - `about`: size in practical sizes, and whether it gains so much that less than one is a change as well.
+fn by_size(rivals: &mut [usize], is_beside: bool, about: impl Fn(&usize) -> (f64, bool)) {
+    rivals.sort_by_key(|position| match about(position) {
+        (size, _) if size < TINY => 2,
+        (size, is_sure) => u8::from(!is_beside && !is_sure && size < 1.0),
+    });
 }
 
 /// The preferred position and those that are alternatives to it.
@@ -277,13 +284,26 @@ mod tests {
     fn what_would_be_calibration_gives_way_to_a_change() {
         let sizes = [0.6, 3.2, f64::INFINITY, 0.5];
         let mut rivals = [0, 3, 1, 2];
-        by_size(&mut rivals, TINY, |position| sizes[*position]);
+        by_size(&mut rivals, true, |position| (sizes[*position], false));
         assert_eq!(rivals, [1, 2, 0, 3]);
-        let sizes = [0.9, 1.9];
-        let (mut beside, mut alone) = ([0, 1], [0, 1]);
-        by_size(&mut beside, TINY, |position| sizes[*position]);
-        by_size(&mut alone, 1.0, |position| sizes[*position]);
-        assert_eq!((beside, alone), ([0, 1], [1, 0]));
+        let ordered = |is_beside: bool, first: (f64, bool), second: f64| {
+            let mut rivals = [0, 1];
+            by_size(&mut rivals, is_beside, |position| [first, (second, false)][*position]);
+            rivals
+        };
+        assert_eq!(ordered(true, (0.9, false), 1.9), [0, 1]);
+        assert_eq!(
+            ordered(false, (0.9, false), 1.9),
+            [1, 0],
+            "alone it would hardly be a change"
+        );
+        assert_eq!(ordered(false, (0.9, true), 1.9), [0, 1], "ten thresholds");
+        assert_eq!(
+            ordered(false, (0.6, true), 1.9),
+            [1, 0],
+            "would be absorbed all the same"
+        );
+        assert_eq!(ordered(false, (0.6, false), 0.8), [1, 0]);
     }
 
     #[test]

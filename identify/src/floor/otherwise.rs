@@ -100,10 +100,10 @@ impl Floor {
         let is_unshown = self.is_otherwise && size < 1.0;
         if is_undescribed {
             return Some(
-                "a size that what the description is off by may come to; references of the unchanged robot would tell",
+                "errors of the robot's description may add up to a size like this; runs of the unchanged robot as references would tell",
             );
         }
-        is_unshown.then_some("a size that the references, which are driven otherwise, may not have shown")
+        is_unshown.then_some("the references were driven less hard and may not have shown a size like this")
     }
 
     /// Takes into the noise what runs leave under the present model, where references were driven otherwise.

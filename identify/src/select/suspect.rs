@@ -45,7 +45,7 @@ pub struct Suspect {
     pub finalist: Finalist,
     pub alternatives: Vec<Finalist>,
     pub because: String,
-    /// Neither side shows it by itself as far as is asked.
+    /// The training runs do not show it by themselves as far as is asked.
     pub is_shown_together: bool,
 }
 
