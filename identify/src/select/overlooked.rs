@@ -8,11 +8,11 @@
 use super::evidence::wins;
 use super::finalist::Finalist;
 use super::lists::short_list;
-use super::round::{Stop, VALIDATION_GAIN, WANTED, slices};
+use super::round::{Stop, VALIDATION_GAIN, WANTED, probes, slices};
 use super::suspect::{PLACE, Question, Suspect};
-use crate::fit::{Member, Problem, fit};
+use crate::fit::{Member, fit};
 use crate::hypothesis::Candidate;
-use crate::screen::{Change, Score, columns, scores};
+use crate::screen::{Score, columns, scores};
 use crate::workers::{Cancelled, Workers, gathered};
 
 /// Candidates with less than this share of the threshold on the training runs are not searched for on all of them.
@@ -57,15 +57,7 @@ impl Question<'_> {
             all.map(|start| (*item, start.clone()))
         });
         let starts: Vec<(usize, Vec<f64>)> = starts.collect();
-        let few = &self.fitted;
-        let problem = Problem {
-            records: few.records,
-            metric: few.metric,
-            bounds: few.bounds,
-            base: self.model,
-            residuals: few.residuals,
-            wanted_gain: WANTED * stop.threshold * self.share(),
-        };
+        let problem = self.problem(WANTED * stop.threshold);
         let judged = gathered(workers, starts.len(), &|item| {
             let (candidate, values) = &starts[item];
             let member = Member {
@@ -111,15 +103,7 @@ impl Question<'_> {
 
     /// Scores of candidates on all open runs.
     fn scores_of_all(&self, workers: &dyn Workers, candidates: &[Candidate]) -> Result<Vec<Score>, Cancelled> {
-        let changes = candidates.iter().flat_map(|candidate| {
-            candidate.columns.iter().map(|column| Change {
-                hypothesis: self.model.with(candidate.effect(&column.values)),
-                added: 1,
-                stages: candidate.stages,
-                step: 1.0,
-            })
-        });
-        let changes: Vec<Change> = changes.collect();
+        let changes = probes(self.model, candidates);
         let side = &self.fitted;
         let columns = columns(workers, side.records, side.residuals, &changes)?;
         let mut vectors: Vec<Vec<&[f64]>> = vec![slices(side.residuals)];

@@ -377,18 +377,26 @@ fn simplest(pairs: &[(Finalist, &Fitted)], slack: impl Fn(f64) -> f64) -> Option
         .min_by_key(|position| (choices(&pairs[*position].0), *position))
 }
 
+/// The columns of candidates as changes of a model, in order.
+pub(super) fn probes(model: &Hypothesis, candidates: &[Candidate]) -> Vec<Change> {
+    let of = |candidate: &Candidate, values: &[f64]| Change {
+        hypothesis: model.with(candidate.effect(values)),
+        added: 1,
+        stages: candidate.stages,
+        step: 1.0,
+    };
+    let all = candidates.iter();
+    all.flat_map(|candidate| {
+        candidate
+            .columns
+            .iter()
+            .map(move |column| of(candidate, &column.values))
+    })
+    .collect()
+}
+
 fn sensitivities(workers: &dyn Workers, data: &Round) -> Result<Vec<Vec<Vec<f64>>>, Cancelled> {
-    let mut changes = Vec::new();
-    for candidate in data.candidates {
-        for column in &candidate.columns {
-            changes.push(Change {
-                hypothesis: data.model.with(candidate.effect(&column.values)),
-                added: 1,
-                stages: candidate.stages,
-                step: 1.0,
-            });
-        }
-    }
+    let changes = probes(data.model, data.candidates);
     columns(workers, data.coarse.records, data.coarse.residuals, &changes)
 }
 

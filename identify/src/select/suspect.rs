@@ -10,12 +10,12 @@ use super::evidence::{HARM, WORSE, amplitude_in_references, own_doubt, window_en
 use super::finalist::Finalist;
 use super::in_turn::HARDLY;
 use super::law_rest::energies;
-use super::round::{Side, Stop, VALIDATION_GAIN, slack_of, slices};
+use super::round::{Side, Stop, VALIDATION_GAIN, probes, slack_of, slices};
 use crate::fit::{Fit, Member, Problem, fit, with_members};
 use crate::floor::{Floor, Metric};
 use crate::hypothesis::{Candidate, Hypothesis, Kind};
 use crate::record::residuals_with;
-use crate::screen::{Change, columns, scores};
+use crate::screen::{columns, scores};
 use crate::workers::{Cancelled, Workers, gathered};
 
 /// A place on the floor fits whatever happens once: it has to be met by two runs.
@@ -159,15 +159,7 @@ impl Question<'_> {
         let candidate = &finalist.member.candidate;
         let mut starts = vec![finalist.member.values.clone()];
         starts.extend(self.starts_of_validation(workers, candidate)?);
-        let few = &self.fitted;
-        let problem = Problem {
-            records: few.records,
-            metric: few.metric,
-            bounds: few.bounds,
-            base: self.model,
-            residuals: few.residuals,
-            wanted_gain: 2.0 * threshold * self.share(),
-        };
+        let problem = self.problem(2.0 * threshold);
         let judged = gathered(workers, starts.len(), &|item| {
             let member = Member {
                 candidate: candidate.clone(),
@@ -182,6 +174,21 @@ impl Question<'_> {
         Ok(shown.max_by(|a, b| a.gain().total_cmp(&b.gain())))
     }
 
+    /// To be fitted to both sides.
+    ///
+    /// - `wanted_gain`: on all of their windows; fits that cannot come near it are not finished.
+    pub(super) fn problem(&self, wanted_gain: f64) -> Problem<'_> {
+        let few = &self.fitted;
+        Problem {
+            records: few.records,
+            metric: few.metric,
+            bounds: few.bounds,
+            base: self.model,
+            residuals: few.residuals,
+            wanted_gain: wanted_gain * self.share(),
+        }
+    }
+
     /// Windows that are fitted to, as a share of all.
     pub(super) fn share(&self) -> f64 {
         let count = |side: &Side| side.residuals.iter().map(Vec::len).sum::<usize>() as f64;
@@ -193,13 +200,7 @@ impl Question<'_> {
         if candidate.kind != Kind::OneOf || candidate.columns.len() < 2 {
             return Ok(Vec::new());
         }
-        let probe = |values: &[f64]| Change {
-            hypothesis: self.model.with(candidate.effect(values)),
-            added: 1,
-            stages: candidate.stages,
-            step: 1.0,
-        };
-        let changes: Vec<Change> = candidate.columns.iter().map(|column| probe(&column.values)).collect();
+        let changes = probes(self.model, core::slice::from_ref(candidate));
         let side = &self.validation;
         let columns = columns(workers, side.records, side.residuals, &changes)?;
         let mut vectors: Vec<Vec<&[f64]>> = vec![slices(side.residuals)];
