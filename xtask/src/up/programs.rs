@@ -459,11 +459,11 @@ fn is_healthy(port: u16) -> bool {
     let ask = || -> std::io::Result<bool> {
         let mut stream = TcpStream::connect_timeout(&(Ipv4Addr::LOCALHOST, port).into(), HEALTH_LIMIT)?;
         stream.set_read_timeout(Some(HEALTH_LIMIT))?;
-        // The server refuses a Host that is not its own address.
-        write!(
-            stream,
-            "GET /api/v1/health HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nConnection: close\r\n\r\n"
-        )?;
+        // The server refuses a Host that is not its own address. One write: with `write!` every
+        // piece would be a packet, and a peer may answer and close after the first.
+        let request =
+            format!("GET /api/v1/health HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nConnection: close\r\n\r\n");
+        stream.write_all(request.as_bytes())?;
         let mut start = [0_u8; 12];
         stream.read_exact(&mut start)?;
         Ok(start.starts_with(b"HTTP/1.1 200"))
@@ -474,6 +474,7 @@ fn is_healthy(port: u16) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::io::{BufRead, BufReader};
     use std::net::TcpListener;
 
     fn answer_once(answer: &'static [u8]) -> u16 {
@@ -481,8 +482,9 @@ mod tests {
         let port = listener.local_addr().unwrap().port();
         std::thread::spawn(move || {
             let (mut stream, _) = listener.accept().unwrap();
-            let mut request = [0_u8; 256];
-            let _ = stream.read(&mut request).unwrap();
+            let mut request = BufReader::new(&stream).lines();
+            // Closing with a part of the request unread would reset the connection.
+            while request.next().is_some_and(|line| !line.unwrap().is_empty()) {}
             stream.write_all(answer).unwrap();
         });
         port
