@@ -461,8 +461,7 @@ fn is_healthy(port: u16) -> bool {
         stream.set_read_timeout(Some(HEALTH_LIMIT))?;
         // The server refuses a Host that is not its own address. One write: with `write!` every
         // piece would be a packet, and a peer may answer and close after the first.
-        let request =
-            format!("GET /api/v1/health HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nConnection: close\r\n\r\n");
+        let request = format!("GET /api/v1/health HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nConnection: close\r\n\r\n");
         stream.write_all(request.as_bytes())?;
         let mut start = [0_u8; 12];
         stream.read_exact(&mut start)?;
