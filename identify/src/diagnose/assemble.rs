@@ -292,8 +292,9 @@ fn named(case: &Case, is_proven: bool) -> Vec<NamedEffect> {
                 gain: rounded(finalist.gain()),
                 threshold: rounded(taken.threshold),
                 stability: rounded(finalist.stability),
-                // Of what is suspected on both sides nothing was kept back.
-                gain_validation: if taken.suspected.is_some() && !finalist.is_unshown {
+                // Of what was fitted to both sides nothing was kept back.
+                gain_validation: if taken.suspected.is_some() && (!finalist.is_unshown || finalist.is_shown_elsewhere())
+                {
                     0.0
                 } else {
                     rounded(finalist.gain_validation)

@@ -341,7 +341,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
         let Some(accepted) = stop.accepted.filter(|_| members.len() < MOST_EFFECTS) else {
             let threshold = stop.threshold;
             case.last = Some(stop);
-            if members.is_empty() && kept.reconsider() {
+            if kept.reconsider(!members.is_empty()) {
                 continue;
             }
             if is_described && (is_asked_for_losses || members.len() >= MOST_EFFECTS) {

@@ -52,9 +52,14 @@ pub(super) fn take_suspect(
         let found = match question.suspect(workers, stop, &denied)? {
             Some(suspect) => Some(suspect),
             // What is known of some runs, and explains more of them, is not hidden behind it.
-            None => question
-                .overlooked(workers, stop, &denied)?
-                .filter(|found| unchecked(case).is_none_or(|other| other.gain_train <= found.finalist.gain_train)),
+            None => question.overlooked(workers, stop, &denied)?.filter(|found| {
+                let finalist = &found.finalist;
+                let own = match finalist.is_shown_elsewhere() {
+                    true => finalist.gain_validation,
+                    false => finalist.gain_train,
+                };
+                unchecked(case).is_none_or(|other| other.gain_train <= own)
+            }),
         };
         let Some(suspect) = found else { break None };
         let about = (&suspect.finalist, stop.threshold);

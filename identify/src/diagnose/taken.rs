@@ -137,6 +137,8 @@ impl Taken {
         let suspected = self.suspected.as_ref().map(|because| {
             let why = if self.is_shown_together {
                 "neither the runs that were searched nor those kept for checking show it by themselves as far as is asked, so none are left to check it on"
+            } else if self.finalist.is_shown_elsewhere() {
+                "only some runs show it, and those that were searched hardly do"
             } else if self.finalist.is_unshown {
                 "only some runs show it, and those kept for checking hardly do"
             } else {
@@ -167,12 +169,15 @@ impl Taken {
         })
     }
 
-    /// Number of its doubts of which none follows from another. Where something else has surely changed and there is some of this on average, an interval
-    /// that is wide because stretches differ is no second doubt beside that they do.
+    /// Number of its doubts of which none follows from another. Where something else has surely changed, or the runs kept for checking show by themselves what is
+    /// asked and stretches differ by less than the size, an interval that is wide because stretches differ is no second doubt beside that they do, if there is
+    /// some of it on average.
     pub fn independent_doubts(&self, is_beside_sure: bool) -> usize {
-        let is_uneven = self.uneven().is_some() && !self.is_reconciled();
-        let is_width_alone = is_uneven && self.nothing().is_some() && !self.may_be_none_on_average;
-        self.doubts().len() - usize::from(is_beside_sure && is_width_alone)
+        let uneven = self.uneven().filter(|_| !self.is_reconciled());
+        let is_width_alone = uneven.is_some() && self.nothing().is_some() && !self.may_be_none_on_average;
+        let is_checked = self.suspected.is_none() && self.finalist.gain_validation >= self.threshold;
+        let is_there = is_beside_sure || (is_checked && uneven.is_some_and(|spread| spread < 1.0));
+        self.doubts().len() - usize::from(is_there && is_width_alone)
     }
 
     /// It is a change for sure, which vouches that this robot is not as it was.
@@ -326,7 +331,7 @@ mod tests {
 
     #[test]
     fn a_wide_interval_is_no_second_doubt_beside_what_made_it_wide() {
-        let uneven = Taken {
+        let mut uneven = Taken {
             may_be_none: true,
             evenness: Some(Evenness {
                 spread: 0.8,
@@ -335,10 +340,26 @@ mod tests {
             }),
             ..Taken::sample(OFFSET, 5.0)
         };
+        uneven.finalist.gain_validation = 0.9 * uneven.threshold;
         assert_eq!(uneven.doubts().len(), 2, "both are told");
         assert_eq!(uneven.independent_doubts(true), 1);
         assert_eq!(uneven.independent_doubts(false), 2, "nothing vouches for it");
         assert!(!uneven.vouches() && Taken::sample(OFFSET, 5.0).vouches());
+        let mut checked = uneven.clone();
+        checked.finalist.gain_validation = checked.threshold;
+        assert_eq!(
+            checked.independent_doubts(false),
+            1,
+            "the runs kept for checking vouch for it"
+        );
+        if let Some(evenness) = &mut checked.evenness {
+            evenness.spread = 1.1;
+        }
+        assert_eq!(
+            checked.independent_doubts(false),
+            2,
+            "some stretches have it the other way round"
+        );
         let none_on_average = Taken {
             may_be_none_on_average: true,
             ..uneven.clone()

@@ -62,6 +62,8 @@ const TRIALS: usize = 4;
 /// A limit that is far too low is raised by this factor, so many times.
 const RAISED: f64 = 1.3;
 const MOST_RAISES: usize = 6;
+/// The last raise is looked at in so many parts.
+const PARTS_OF_A_RAISE: u32 = 6;
 /// A law is not linear: a fit may gain this many times what its slopes promise.
 const HOPE: f64 = 4.0;
 /// Slopes serve for a further step when the last one gained this part of what they told.
@@ -266,31 +268,52 @@ pub fn fit(problem: &Problem, start: Vec<Member>) -> Option<Fit> {
     })
 }
 
-/// A limit below what the runs reached at least makes everything worse and has slopes that lead nowhere: raised until it does not.
+/// A limit below what the runs reached at least makes everything worse and has slopes that lead nowhere: raised until it does not. One that only the hardest
+/// moment reaches may lie between the last step and the one before.
 fn raise_limits(search: &mut Search, members: &mut [Member], now: &mut Vec<Vec<f64>>, base_energy: f64) -> bool {
     let mut raised = false;
+    let mut energy = search.energy(now);
     for _ in 0..MOST_RAISES {
-        if search.energy(now) <= base_energy {
+        if energy <= base_energy {
             break;
         }
-        let mut trial = members.to_vec();
-        let mut limits = 0;
-        for member in &mut trial {
-            for (axis, value) in member.candidate.axes.iter().zip(&mut member.values) {
-                if axis.neutral.is_infinite() && value.is_finite() {
-                    *value = clamped(axis, RAISED * *value);
-                    limits += 1;
-                }
-            }
-        }
-        let Some(residuals) = (limits > 0).then(|| search.simulate(&trial)).flatten() else {
-            break;
-        };
+        let trial = with_limits(members, RAISED).and_then(|trial| Some((search.simulate(&trial)?, trial)));
+        let Some((residuals, trial)) = trial else { break };
         members.clone_from_slice(&trial);
         *now = residuals;
+        energy = search.energy(now);
         raised = true;
     }
+    if !raised || energy > base_energy {
+        return raised;
+    }
+    let above = members.to_vec();
+    for part in 1..PARTS_OF_A_RAISE {
+        let factor = libm::pow(RAISED, -f64::from(part) / f64::from(PARTS_OF_A_RAISE));
+        let trial = with_limits(&above, factor).and_then(|trial| Some((search.simulate(&trial)?, trial)));
+        let Some((residuals, trial)) = trial else { continue };
+        let trial_energy = search.energy(&residuals);
+        if trial_energy < energy {
+            members.clone_from_slice(&trial);
+            (*now, energy) = (residuals, trial_energy);
+        }
+    }
     raised
+}
+
+/// All limits of the members times a factor; `None` when there are none.
+fn with_limits(members: &[Member], factor: f64) -> Option<Vec<Member>> {
+    let mut scaled = members.to_vec();
+    let mut limits = 0;
+    for member in &mut scaled {
+        for (axis, value) in member.candidate.axes.iter().zip(&mut member.values) {
+            if axis.neutral.is_infinite() && value.is_finite() {
+                *value = clamped(axis, factor * *value);
+                limits += 1;
+            }
+        }
+    }
+    (limits > 0).then_some(scaled)
 }
 
 fn has_limit(member: &Member) -> bool {

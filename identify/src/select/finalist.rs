@@ -32,7 +32,7 @@ pub struct Finalist {
     /// Amplitude at which the same change is in the references; 1 = just as much.
     pub in_references: f64,
     pub stability: f64,
-    /// The validation runs hardly show it.
+    /// One side hardly shows it: the validation runs, or the training runs ([`Finalist::is_shown_elsewhere`]).
     pub is_unshown: bool,
     /// It was checked on the training runs, each with what the others say.
     pub is_in_turn: bool,
@@ -81,6 +81,11 @@ impl Finalist {
 
     pub fn gain(&self) -> f64 {
         self.gain_train + self.gain_validation
+    }
+
+    /// The runs kept for checking show it, and those that were searched hardly do.
+    pub fn is_shown_elsewhere(&self) -> bool {
+        self.is_unshown && self.gain_validation > self.gain_train
     }
 
     pub fn effect(&self) -> Effect {

@@ -18,6 +18,8 @@ pub struct Kept {
     pub(super) vain: Vec<(usize, f64)>,
     /// The same of those that were fitted and refused since the last effect was accepted.
     refused: Vec<(usize, f64)>,
+    /// Something was taken into the floor's model after they were.
+    is_refused_before: bool,
     /// Of the last round, while the model is the same.
     pub(super) fitted: Vec<Fitted>,
     /// Where patches explain most at the present model; unknown before anybody asked.
@@ -32,13 +34,19 @@ impl Kept {
     /// The model has changed: good enough to see that nothing is left, not to choose with.
     pub fn outdate(&mut self) {
         self.is_fresh = false;
-        self.refused.clear();
+        self.forget_refused();
         self.fitted.clear();
         self.patches = None;
     }
 
+    fn forget_refused(&mut self) {
+        self.refused.clear();
+        self.is_refused_before = false;
+    }
+
     /// The floor's model has taken something in: what was fitted is fitted again.
     pub fn absorb(&mut self) {
+        self.is_refused_before = !self.refused.is_empty();
         self.fitted.clear();
         self.patches = None;
     }
@@ -53,10 +61,16 @@ impl Kept {
     }
 
     /// Nothing is left to accept or to take into the floor's model: what was refused before that model was complete is fitted once more.
-    /// Whether there is anything.
-    pub fn reconsider(&mut self) -> bool {
-        let is_any = !self.refused.is_empty();
-        self.refused.clear();
+    /// Beside what is named only if that model has changed since: what the named effects refused they would refuse again. Whether there is anything.
+    pub fn reconsider(&mut self, is_any_named: bool) -> bool {
+        let is_any = if is_any_named {
+            self.is_refused_before
+        } else {
+            !self.refused.is_empty()
+        };
+        if is_any {
+            self.forget_refused();
+        }
         is_any
     }
 
@@ -123,9 +137,14 @@ mod tests {
         };
         assert!(kept.is_vain(3, 50.0) && kept.is_vain(5, 50.0) && !kept.is_vain(4, 50.0));
         assert!(!kept.is_vain(3, 61.0), "half as much again is seen of it");
-        assert!(kept.reconsider());
+        assert!(!kept.reconsider(true), "the floor's model is the same");
+        assert!(kept.reconsider(false));
         assert!(!kept.is_vain(3, 50.0) && kept.is_vain(5, 50.0));
-        assert!(!kept.reconsider(), "nothing is left to hear");
+        assert!(!kept.reconsider(false), "nothing is left to hear");
+        kept.refused.push((3, 40.0));
+        kept.absorb();
+        assert!(kept.reconsider(true), "the floor's model has changed since");
+        assert!(!kept.is_vain(3, 50.0) && !kept.reconsider(true));
     }
 
     #[test]

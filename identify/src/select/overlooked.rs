@@ -1,27 +1,26 @@
-//! What neither side of the data shows by itself, and both together do.
+//! What neither side of the data shows by itself, and both together do; and what only the runs kept for checking show.
 //!
 //! Some of the open runs are searched and others are kept for checking: an effect that all of them show just beyond chance is not seen on some of them, and a
 //! law that is no straight line in its sizes may be fitted to some of them at sizes that the others contradict. When nothing else is found, all open runs are
 //! searched together. What passes there has nothing left to be checked on but the runs that stay locked, so it is never confirmed; each side has to show
-//! some of it for all that.
+//! some of it for all that. A wall that one run of six meets, or a seam that two cross, may be kept for checking by chance: what explains these runs far beyond
+//! chance and says nothing of the others is listed the same way.
 
 use super::evidence::wins;
 use super::finalist::Finalist;
 use super::lists::short_list;
-use super::round::{Stop, VALIDATION_GAIN, WANTED, probes, slices};
+use super::round::{FAR_BEYOND, Stop, VALIDATION_GAIN, WANTED, probes, slices};
 use super::suspect::{PLACE, Question, Suspect};
 use crate::fit::{Member, fit};
 use crate::hypothesis::Candidate;
 use crate::screen::{Score, columns, scores};
 use crate::workers::{Cancelled, Workers, gathered};
 
-/// Candidates with less than this share of the threshold on the training runs are not searched for on all of them.
-const WORTH_A_LOOK: f64 = 0.2;
 /// So many are fitted.
 const MOST: usize = 5;
 
 impl Question<'_> {
-    /// What all open runs show together, if each side shows some of it.
+    /// What all open runs show together, if each side shows some of it, or the runs kept for checking far more than chance gives and the others nothing.
     ///
     /// - `stop`: the last round.
     /// - `denied`: names that are none.
@@ -38,10 +37,7 @@ impl Question<'_> {
                 let own = &member.candidate;
                 own.entry.name == name && own.index == candidate.index
             };
-            stop.scores[*position].gain >= WORTH_A_LOOK * stop.threshold
-                && !denied.contains(&name)
-                && !self.floor.has_absorbed(name)
-                && !self.members.iter().any(is_member)
+            !denied.contains(&name) && !self.floor.has_absorbed(name) && !self.members.iter().any(is_member)
         };
         let open: Vec<usize> = (0..self.candidates.len()).filter(is_open).collect();
         let candidates: Vec<Candidate> = open.iter().map(|p| self.candidates[*p].clone()).collect();
@@ -69,7 +65,8 @@ impl Question<'_> {
         })?;
         let chance = VALIDATION_GAIN * self.floor.inflation();
         let is_shown = |found: &Finalist| {
-            is_shown_together([found.gain_train, found.gain_validation], stop.threshold, chance)
+            let sides = [found.gain_train, found.gain_validation];
+            (is_shown_together(sides, stop.threshold, chance) || is_shown_elsewhere(sides, stop.threshold, chance))
                 && self.is_sound(found, stop.threshold)
                 && (found.member.candidate.entry.name != PLACE || self.is_met_again(found))
         };
@@ -87,15 +84,16 @@ impl Question<'_> {
             finalist.stability = share;
         }
         let mut found = found.into_iter();
-        Ok(found.next().map(|finalist| {
+        Ok(found.next().map(|mut finalist| {
             let is_near = self.is_near(&finalist);
+            finalist.is_unshown = finalist.gain_train < chance;
             Suspect {
                 alternatives: found.filter(is_near).collect(),
                 because: format!(
                     "fitted to both it explains {:.0} of the first and {:.0} of the others, the threshold being {:.0}",
                     finalist.gain_train, finalist.gain_validation, stop.threshold
                 ),
-                is_shown_together: finalist.gain_train < stop.threshold,
+                is_shown_together: finalist.gain_train < stop.threshold && !finalist.is_unshown,
                 finalist,
             }
         }))
@@ -119,9 +117,23 @@ fn is_shown_together(sides: [f64; 2], threshold: f64, chance: f64) -> bool {
     sides[0] + sides[1] >= threshold && sides.iter().all(|gain| *gain >= chance)
 }
 
+/// Far beyond the threshold on the runs kept for checking, and no more than chance gives, either way, on the others.
+fn is_shown_elsewhere(sides: [f64; 2], threshold: f64, chance: f64) -> bool {
+    sides[1] >= FAR_BEYOND * threshold && sides[0].abs() < chance
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_only_the_runs_kept_for_checking_show_is_far_beyond_chance() {
+        let is_shown = |train: f64, validation: f64| is_shown_elsewhere([train, validation], 34.0, 14.0);
+        assert!(is_shown(0.0, 103.0) && is_shown(-13.0, 400.0));
+        assert!(!is_shown(0.0, 101.0), "less than three thresholds");
+        assert!(!is_shown(-15.0, 400.0), "the runs that were searched say no");
+        assert!(!is_shown(40.0, 400.0), "both sides show it");
+    }
 
     #[test]
     fn both_sides_have_to_show_some_of_it() {

@@ -37,7 +37,7 @@ const SAME: f64 = 0.95;
 /// Difference of gains, as a share, that the laws' own inaccuracy makes.
 pub(super) const LAW_SHARE: f64 = 0.02;
 /// Gain over the threshold of what nobody would call chance.
-const FAR_BEYOND: f64 = 3.0;
+pub(super) const FAR_BEYOND: f64 = 3.0;
 /// An effect beside others needs this many thresholds: what their laws leave passes a threshold that knows chance alone. Of the part that
 /// these cannot have left one is enough. Without references several are expected.
 const BESIDE_OTHERS: f64 = 1.5;
