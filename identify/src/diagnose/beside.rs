@@ -1,7 +1,9 @@
 //! What is named beside each other: what is calibration, what is the rest of another law, and what stands for something that is missing.
 
+use super::louder::Louder;
 use super::taken::Taken;
 use crate::hypothesis::LOST;
+use crate::record::CHANNELS;
 use twin::effect::library::Hook;
 
 /// What is below its practical size, and by its interval may be none, is calibration; losses are not, nor what gains so much that the interval is at fault
@@ -38,6 +40,43 @@ pub(super) fn reserve_rests(all: &mut [Taken]) {
         let (own, part) = (taken.finalist.gain(), part(taken));
         let louder = laws.iter().filter(|(gain, other, _)| *gain > own && *other == part);
         taken.may_be_rest_of = louder.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, _, name)| *name);
+    }
+}
+
+/// What explains less than another name and may be none by its interval is not confirmed beside it, however much it gains: gains beside what is large count
+/// what its law leaves.
+pub(super) fn reserve_wide(all: &mut [Taken]) {
+    let names: Vec<(f64, &'static str)> = all
+        .iter()
+        .filter(|taken| !taken.tiny)
+        .map(|taken| (taken.finalist.gain(), taken.finalist.member.candidate.entry.name))
+        .collect();
+    for taken in all {
+        taken.reserved.clear();
+        if !taken.may_be_none || taken.tiny {
+            continue;
+        }
+        let own = taken.finalist.gain();
+        let louder = names.iter().filter(|(gain, _)| *gain > own);
+        if let Some((_, other)) = louder.max_by(|a, b| a.0.total_cmp(&b.0)) {
+            taken.reserved.push(format!(
+                "by the interval of its size there may be none of it, and it may make up for what {other}, which explains more, leaves"
+            ));
+        }
+    }
+}
+
+/// Losses are read from the wheels' own speeds: while these are still louder than in the references something else may be behind them.
+pub(super) fn reserve_losses(all: &mut [Taken], louder: Option<Louder>) {
+    let Some(louder) = louder.filter(|louder| CHANNELS[louder.class] == "wheel") else {
+        return;
+    };
+    let is_lost = |taken: &&mut Taken| taken.finalist.member.candidate.entry.name == LOST;
+    for taken in all.iter_mut().filter(is_lost) {
+        taken.reserved.push(format!(
+            "wheels still err with {:.1} times the energy that they have in the references, so something else may be behind it",
+            louder.ratio
+        ));
     }
 }
 
@@ -86,6 +125,56 @@ mod tests {
         all[1].trend = None;
         reserve_rests(&mut all);
         assert!(all.iter().all(|taken| taken.reservations().is_empty()));
+    }
+
+    #[test]
+    fn what_may_be_none_is_not_confirmed_beside_what_explains_more() {
+        let wide = |thresholds: f64| Taken {
+            may_be_none: true,
+            ..Taken::sample("floor_friction", thresholds)
+        };
+        let reserved = |mut all: Vec<Taken>| -> Vec<usize> {
+            reserve_wide(&mut all);
+            all.iter().map(|taken| taken.reservations().len()).collect()
+        };
+        assert_eq!(reserved(vec![wide(30.0)]), [0], "alone");
+        assert_eq!(reserved(vec![Taken::sample(OFFSET, 40.0), wide(30.0)]), [0, 1]);
+        assert_eq!(reserved(vec![Taken::sample(OFFSET, 20.0), wide(30.0)]), [0, 0]);
+        let calibration = Taken {
+            tiny: true,
+            ..Taken::sample(OFFSET, 40.0)
+        };
+        assert_eq!(
+            reserved(vec![calibration, wide(30.0)]),
+            [0, 0],
+            "nothing is named beside it"
+        );
+        let narrow = Taken::sample("floor_friction", 30.0);
+        assert_eq!(reserved(vec![Taken::sample(OFFSET, 40.0), narrow]), [0, 0]);
+    }
+
+    #[test]
+    fn losses_are_not_confirmed_while_wheels_are_louder_than_in_the_references() {
+        let Some(candidate) = crate::hypothesis::lost_set_points(&twin::golden::reference_robot("diff2")) else {
+            panic!("a robot with set-points may lose them");
+        };
+        let mut losses = Taken::sample(OFFSET, 200.0);
+        losses.finalist.member = crate::fit::Member {
+            values: vec![0.3, 0.03],
+            candidate,
+        };
+        let reserved = |class: &str| {
+            let mut all = [losses.clone(), Taken::sample(OFFSET, 40.0)];
+            let louder = CHANNELS.iter().position(|name| *name == class).map(|class| Louder {
+                class,
+                ratio: 12.0,
+                score: 9.0,
+            });
+            reserve_losses(&mut all, louder);
+            all.map(|taken| taken.reservations().len())
+        };
+        assert_eq!(reserved("wheel"), [1, 0]);
+        assert_eq!((reserved("current"), reserved("none")), ([0, 0], [0, 0]));
     }
 
     #[test]

@@ -193,6 +193,7 @@ impl Choice<'_> {
                 may_be_none_on_average: false,
                 may_be_rest_of: None,
                 is_beside_a_large_rest: false,
+                reserved: Vec::new(),
                 trend: None,
                 suspected: None,
                 is_shown_together: false,

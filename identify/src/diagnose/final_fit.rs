@@ -1,6 +1,6 @@
 //! What was named, fitted on all open runs.
 
-use super::beside::{calibrate_small, reserve_rests};
+use super::beside::{calibrate_small, reserve_rests, reserve_wide};
 use super::evenness::evenness;
 use super::interval::may_be_none;
 use super::prepared::{Prepared, prepare};
@@ -91,6 +91,7 @@ pub(super) fn finish(
         }
         calibrate_small(&mut case.taken);
         reserve_rests(&mut case.taken);
+        reserve_wide(&mut case.taken);
         let after = with_members(&case.floor.model, &fit.members);
         let records: Vec<&Record> = both.records.iter().collect();
         let shares = loudness::shares(&case.input.runs, &records, &case.floor.model, &after);

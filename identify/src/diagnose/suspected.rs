@@ -93,6 +93,7 @@ pub(super) fn take_suspect(
         may_be_none_on_average: false,
         may_be_rest_of: None,
         is_beside_a_large_rest: false,
+        reserved: Vec::new(),
         trend: None,
         suspected: Some(because),
         is_shown_together,

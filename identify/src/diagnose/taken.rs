@@ -43,6 +43,8 @@ pub(super) struct Taken {
     pub may_be_rest_of: Option<&'static str>,
     /// So much of what the runs are off by is left with all that is named that it may stand for something else.
     pub is_beside_a_large_rest: bool,
+    /// What else speaks for another cause of what it explains, each in words after its name.
+    pub reserved: Vec<String>,
 }
 
 impl Taken {
@@ -72,6 +74,7 @@ impl Taken {
             is_shown_together: false,
             may_be_rest_of: None,
             is_beside_a_large_rest: false,
+            reserved: Vec::new(),
         }
     }
 
@@ -191,6 +194,8 @@ impl Taken {
         let mut all = self.other_laws();
         all.extend(self.smoothed());
         all.extend(self.small());
+        let name = self.finalist.member.candidate.entry.name;
+        all.extend(self.reserved.iter().map(|why| format!("{name}: {why}")));
         all
     }
 
@@ -282,6 +287,7 @@ impl Taken {
             is_shown_together: false,
             may_be_rest_of: None,
             is_beside_a_large_rest: false,
+            reserved: Vec::new(),
         }
     }
 }

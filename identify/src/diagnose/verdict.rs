@@ -1,11 +1,11 @@
 //! What a diagnosis comes to, before unused runs are asked.
 
-use super::Case;
 use super::energy::Energies;
-use super::louder::{louder, share_left};
+use super::louder::{Louder, louder, share_left};
 use super::nearest::unchecked;
 use super::opening::ALIKE;
 use super::taken::Taken;
+use super::{Case, Levels};
 use crate::report::schema::Verdict;
 use crate::select::Role;
 
@@ -25,9 +25,7 @@ pub(super) fn verdict(case: &Case) -> Verdict {
     // Without references the description was calibrated on these runs, and what that leaves counts; of losses that are no news, what they leave,
     // as of names.
     let real = if !case.arrived.is_empty() {
-        let louder = louder(&levels.after);
-        let is_loud = louder.is_some_and(|louder| share_left(&levels.before, &levels.after, louder.class) > REST);
-        is_loud || all.after > all.limit && all.left() > REST
+        left_louder(levels).is_some() || all.after > all.limit && all.left() > REST
     } else if case.floor.references.is_empty() {
         all.after > all.limit || louder(&levels.after).is_some()
     } else {
@@ -48,8 +46,7 @@ pub(super) fn verdict(case: &Case) -> Verdict {
     if is_far_off(&case.energies) || is_hardly_explained(&case.energies) && !is_proven() {
         return Verdict::Unexplained;
     }
-    let remains = remains
-        || louder(&levels.after).is_some_and(|louder| share_left(&levels.before, &levels.after, louder.class) > REST);
+    let remains = remains || left_louder(levels).is_some();
     if naming.iter().any(|taken| taken.suspected.is_some()) {
         return Verdict::Partial;
     }
@@ -73,6 +70,11 @@ pub(super) fn is_hardly_explained(Energies { all, quiet }: &Energies) -> bool {
 /// Half is left, and twin and these runs have little to do with each other.
 fn is_far_off(Energies { all, quiet }: &Energies) -> bool {
     all.after > FAR * all.limit && all.left() > HALF && quiet.after > quiet.limit
+}
+
+/// The channel that is louder than in the references with what is named, if much is left of what it was before.
+pub(super) fn left_louder(levels: &Levels) -> Option<Louder> {
+    louder(&levels.after).filter(|louder| share_left(&levels.before, &levels.after, louder.class) > REST)
 }
 
 /// There are validation runs enough to confirm a name.
