@@ -13,7 +13,7 @@ use super::louder::louder;
 use super::nearest::{nearest, suspect};
 use super::suspected::{is_weak_alone, names_by_weight, without_weak};
 use super::taken::Taken;
-use super::verdict::{FEWEST_RUNS, is_hardly_explained, left_louder, validated, verdict};
+use super::verdict::{FEWEST_RUNS, is_hardly_explained, left_louder_on, validated, verdict};
 use super::verified::{Names, Verified, disagree_alone, leaves, verified};
 use super::{Case, DiagnoseError, Diagnosis, LIBRARY_VERSION};
 use crate::fit::{NORMAL_95, with_members};
@@ -40,7 +40,7 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
     for taken in &mut case.taken {
         taken.is_beside_a_large_rest = is_beside_a_large_rest;
     }
-    reserve_losses(&mut case.taken, left_louder(&case.levels));
+    reserve_losses(&mut case.taken, left_louder_on(&case.levels, "wheel"));
     let mut verdict = verdict(case);
     if verdict == Verdict::Unexplained && is_weak_alone(case) {
         verdict = without_weak(case);

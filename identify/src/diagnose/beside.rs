@@ -3,7 +3,6 @@
 use super::louder::Louder;
 use super::taken::Taken;
 use crate::hypothesis::LOST;
-use crate::record::CHANNELS;
 use twin::effect::library::Hook;
 
 /// What is below its practical size, and by its interval may be none, is calibration; losses are not, nor what gains so much that the interval is at fault
@@ -46,14 +45,15 @@ pub(super) fn reserve_rests(all: &mut [Taken]) {
 /// What explains less than another name and may be none by its interval is not confirmed beside it, however much it gains: gains beside what is large count
 /// what its law leaves.
 pub(super) fn reserve_wide(all: &mut [Taken]) {
-    let names: Vec<(f64, &'static str)> = all
+    let names: Vec<(f64, String)> = all
         .iter()
         .filter(|taken| !taken.tiny)
-        .map(|taken| (taken.finalist.gain(), taken.finalist.member.candidate.entry.name))
+        .map(|taken| (taken.finalist.gain(), taken.finalist.member.candidate.label()))
         .collect();
     for taken in all {
         taken.reserved.clear();
-        if !taken.may_be_none || taken.tiny {
+        // Where gains do not outvote the interval it is a doubt already.
+        if !taken.may_be_none || taken.tiny || taken.nothing().is_some() {
             continue;
         }
         let own = taken.finalist.gain();
@@ -67,10 +67,10 @@ pub(super) fn reserve_wide(all: &mut [Taken]) {
 }
 
 /// Losses are read from the wheels' own speeds: while these are still louder than in the references something else may be behind them.
-pub(super) fn reserve_losses(all: &mut [Taken], louder: Option<Louder>) {
-    let Some(louder) = louder.filter(|louder| CHANNELS[louder.class] == "wheel") else {
-        return;
-    };
+///
+/// - `wheels`: how much louder they are, if they are.
+pub(super) fn reserve_losses(all: &mut [Taken], wheels: Option<Louder>) {
+    let Some(louder) = wheels else { return };
     let is_lost = |taken: &&mut Taken| taken.finalist.member.candidate.entry.name == LOST;
     for taken in all.iter_mut().filter(is_lost) {
         taken.reserved.push(format!(
@@ -163,18 +163,17 @@ mod tests {
             values: vec![0.3, 0.03],
             candidate,
         };
-        let reserved = |class: &str| {
+        let reserved = |wheels: Option<Louder>| {
             let mut all = [losses.clone(), Taken::sample(OFFSET, 40.0)];
-            let louder = CHANNELS.iter().position(|name| *name == class).map(|class| Louder {
-                class,
-                ratio: 12.0,
-                score: 9.0,
-            });
-            reserve_losses(&mut all, louder);
+            reserve_losses(&mut all, wheels);
             all.map(|taken| taken.reservations().len())
         };
-        assert_eq!(reserved("wheel"), [1, 0]);
-        assert_eq!((reserved("current"), reserved("none")), ([0, 0], [0, 0]));
+        let louder = Louder {
+            class: 0,
+            ratio: 12.0,
+            score: 9.0,
+        };
+        assert_eq!((reserved(Some(louder)), reserved(None)), ([1, 0], [0, 0]));
     }
 
     #[test]

@@ -87,6 +87,12 @@ fn level(record: &Record, rest: &[f64]) -> RunLevel {
 
 /// The channel that is louder most clearly, if any is.
 pub(super) fn louder(compared: &Compared) -> Option<Louder> {
+    let found = all_louder(compared).into_iter();
+    found.max_by(|a, b| a.score.total_cmp(&b.score))
+}
+
+/// All channels that are louder, in their order.
+pub(super) fn all_louder(compared: &Compared) -> Vec<Louder> {
     let Compared { references, runs } = compared;
     let liveliest = references.iter().map(|run| run.liveliness).fold(0.0, f64::max);
     let alike: Vec<&RunLevel> = runs
@@ -110,9 +116,7 @@ pub(super) fn louder(compared: &Compared) -> Option<Louder> {
             score,
         })
     });
-    found
-        .filter(|louder| louder.score >= LOUD)
-        .max_by(|a, b| a.score.total_cmp(&b.score))
+    found.filter(|louder| louder.score >= LOUD).collect()
 }
 
 /// Share of what made a channel louder that is there still: of the energy above the references', each in units of its own floor.

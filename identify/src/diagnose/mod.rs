@@ -341,7 +341,8 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
         let Some(accepted) = stop.accepted.filter(|_| members.len() < MOST_EFFECTS) else {
             let threshold = stop.threshold;
             case.last = Some(stop);
-            if kept.reconsider(!members.is_empty()) {
+            let is_room = members.len() < MOST_EFFECTS && number + 1 < MOST_ROUNDS;
+            if is_room && kept.reconsider(!members.is_empty()) {
                 continue;
             }
             if is_described && (is_asked_for_losses || members.len() >= MOST_EFFECTS) {

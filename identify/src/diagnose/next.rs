@@ -103,10 +103,10 @@ pub(super) fn next_experiment(
         let name = suspect.member.candidate.entry.name;
         let plain = name.replace('_', " ");
         let is_weak = case.taken.iter().any(|taken| taken.is_shown_together);
-        let why = if is_weak {
-            format!("shows whether it is {plain}: these runs show it too little to check it")
-        } else if suspect.is_unshown {
+        let why = if suspect.is_unshown {
             format!("shows whether it is {plain}: too few of these runs do")
+        } else if is_weak {
+            format!("shows whether it is {plain}: these runs show it too little to check it")
         } else {
             format!("shows whether it is {plain}, and how much: these runs do not agree on it")
         };

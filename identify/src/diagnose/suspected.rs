@@ -10,7 +10,7 @@ use crate::fit::{Member, with_members};
 use crate::floor::Metric;
 use crate::record::Stages;
 use crate::report::schema::Verdict;
-use crate::select::{Question, Suspect};
+use crate::select::{Finalist, Question, Suspect};
 use crate::workers::{Cancelled, Workers};
 
 /// A name with so many doubts is not listed.
@@ -54,11 +54,8 @@ pub(super) fn take_suspect(
             // What is known of some runs, and explains more of them, is not hidden behind it.
             None => question.overlooked(workers, stop, &denied)?.filter(|found| {
                 let finalist = &found.finalist;
-                let own = match finalist.is_shown_elsewhere() {
-                    true => finalist.gain_validation,
-                    false => finalist.gain_train,
-                };
-                unchecked(case).is_none_or(|other| other.gain_train <= own)
+                let is_more = |other: &Finalist| other.gain_train <= finalist.gain_train;
+                unchecked(case).is_none_or(|other| !finalist.is_shown_elsewhere() && is_more(other))
             }),
         };
         let Some(suspect) = found else { break None };
@@ -118,6 +115,7 @@ pub(super) fn drop_doubtful(
     }
     let (is_fitted, inflation) = (case.fit.is_some(), case.floor.inflation());
     let is_beside_sure = case.taken.iter().any(Taken::vouches);
+    let is_alone = case.taken.iter().filter(|taken| !taken.tiny).count() == 1;
     let why = |taken: &Taken| {
         if taken.suspected.is_some() && (taken.tiny || !is_fitted) {
             return Some("hardly any of it is left on all open runs together".to_owned());
@@ -130,7 +128,7 @@ pub(super) fn drop_doubtful(
                     .to_owned(),
             );
         }
-        let is_doubted = !taken.tiny && taken.independent_doubts(is_beside_sure) >= TOO_MANY;
+        let is_doubted = !taken.tiny && taken.independent_doubts(is_beside_sure, is_alone) >= TOO_MANY;
         is_doubted.then(|| format!("is doubted more than once: {}", taken.doubts().join("; ")))
     };
     let doubtful: Vec<Option<String>> = case.taken.iter().map(why).collect();

@@ -120,7 +120,7 @@ impl Taken {
         let finalist = &self.finalist;
         let is_held_out = self.suspected.is_none() && finalist.member.candidate.entry.name != LOST;
         let is_agreed = finalist.gain_train >= SURELY * self.threshold && finalist.is_agreed(self.threshold);
-        is_held_out && is_agreed && self.doubts().is_empty() && self.other_laws().is_empty()
+        is_held_out && is_agreed && self.reserved.is_empty() && self.doubts().is_empty() && self.other_laws().is_empty()
     }
 
     /// What speaks against believing it, for the report.
@@ -138,10 +138,10 @@ impl Taken {
             )
         });
         let suspected = self.suspected.as_ref().map(|because| {
-            let why = if self.is_shown_together {
-                "neither the runs that were searched nor those kept for checking show it by themselves as far as is asked, so none are left to check it on"
-            } else if self.finalist.is_shown_elsewhere() {
+            let why = if self.finalist.is_shown_elsewhere() {
                 "only some runs show it, and those that were searched hardly do"
+            } else if self.is_shown_together {
+                "neither the runs that were searched nor those kept for checking show it by themselves as far as is asked, so none are left to check it on"
             } else if self.finalist.is_unshown {
                 "only some runs show it, and those kept for checking hardly do"
             } else {
@@ -159,7 +159,7 @@ impl Taken {
     }
 
     /// Why there may be none of it.
-    fn nothing(&self) -> Option<String> {
+    pub(super) fn nothing(&self) -> Option<String> {
         let name = self.finalist.member.candidate.entry.name;
         // A load may differ from run to run. Of what does not, and is only suspected, no gain makes up for a size that may be none on average; nor of
         // losses, which explain whatever set-points that are put elsewhere explain.
@@ -172,14 +172,15 @@ impl Taken {
         })
     }
 
-    /// Number of its doubts of which none follows from another. Where something else has surely changed, or the runs kept for checking show by themselves what is
-    /// asked and stretches differ by less than the size, an interval that is wide because stretches differ is no second doubt beside that they do, if there is
+    /// Number of its doubts of which none follows from another. Where something else has surely changed, or nothing else has a name, the runs kept for checking
+    /// show by themselves what is asked and stretches differ by less than the size, an interval that is wide because stretches differ is no second doubt beside that they do, if there is
     /// some of it on average.
-    pub fn independent_doubts(&self, is_beside_sure: bool) -> usize {
+    pub fn independent_doubts(&self, is_beside_sure: bool, is_alone: bool) -> usize {
         let uneven = self.uneven().filter(|_| !self.is_reconciled());
         let is_width_alone = uneven.is_some() && self.nothing().is_some() && !self.may_be_none_on_average;
-        let is_checked = self.suspected.is_none() && self.finalist.gain_validation >= self.threshold;
-        let is_there = is_beside_sure || (is_checked && uneven.is_some_and(|spread| spread < 1.0));
+        let is_held_out = self.suspected.is_none() && self.finalist.member.candidate.entry.name != LOST;
+        let is_checked = is_held_out && self.finalist.gain_validation >= self.threshold;
+        let is_there = is_beside_sure || (is_alone && is_checked && uneven.is_some_and(|spread| spread < 1.0));
         self.doubts().len() - usize::from(is_there && is_width_alone)
     }
 
@@ -348,21 +349,26 @@ mod tests {
         };
         uneven.finalist.gain_validation = 0.9 * uneven.threshold;
         assert_eq!(uneven.doubts().len(), 2, "both are told");
-        assert_eq!(uneven.independent_doubts(true), 1);
-        assert_eq!(uneven.independent_doubts(false), 2, "nothing vouches for it");
+        assert_eq!(uneven.independent_doubts(true, false), 1);
+        assert_eq!(uneven.independent_doubts(false, true), 2, "nothing vouches for it");
         assert!(!uneven.vouches() && Taken::sample(OFFSET, 5.0).vouches());
         let mut checked = uneven.clone();
         checked.finalist.gain_validation = checked.threshold;
         assert_eq!(
-            checked.independent_doubts(false),
+            checked.independent_doubts(false, true),
             1,
             "the runs kept for checking vouch for it"
+        );
+        assert_eq!(
+            checked.independent_doubts(false, false),
+            2,
+            "another name may have taken its gain over"
         );
         if let Some(evenness) = &mut checked.evenness {
             evenness.spread = 1.1;
         }
         assert_eq!(
-            checked.independent_doubts(false),
+            checked.independent_doubts(false, true),
             2,
             "some stretches have it the other way round"
         );
@@ -370,13 +376,17 @@ mod tests {
             may_be_none_on_average: true,
             ..uneven.clone()
         };
-        assert_eq!(none_on_average.independent_doubts(true), 2);
+        assert_eq!(none_on_average.independent_doubts(true, true), 2);
         let mut in_turn = Taken {
             may_be_none: false,
             ..uneven
         };
         in_turn.finalist.is_in_turn = true;
-        assert_eq!(in_turn.independent_doubts(true), 2, "neither follows from the other");
+        assert_eq!(
+            in_turn.independent_doubts(true, true),
+            2,
+            "neither follows from the other"
+        );
     }
 
     /// Held set-points that are placed where they explain most explain other faults as well.

@@ -1,11 +1,12 @@
 //! What a diagnosis comes to, before unused runs are asked.
 
 use super::energy::Energies;
-use super::louder::{Louder, louder, share_left};
+use super::louder::{Louder, all_louder, louder, share_left};
 use super::nearest::unchecked;
 use super::opening::ALIKE;
 use super::taken::Taken;
 use super::{Case, Levels};
+use crate::record::CHANNELS;
 use crate::report::schema::Verdict;
 use crate::select::Role;
 
@@ -72,9 +73,19 @@ fn is_far_off(Energies { all, quiet }: &Energies) -> bool {
     all.after > FAR * all.limit && all.left() > HALF && quiet.after > quiet.limit
 }
 
-/// The channel that is louder than in the references with what is named, if much is left of what it was before.
-pub(super) fn left_louder(levels: &Levels) -> Option<Louder> {
-    louder(&levels.after).filter(|louder| share_left(&levels.before, &levels.after, louder.class) > REST)
+/// The channel that is louder than in the references most clearly with what is named, if much is left of what it was before.
+fn left_louder(levels: &Levels) -> Option<Louder> {
+    louder(&levels.after).filter(|louder| is_left(levels, louder))
+}
+
+/// The same of one channel.
+pub(super) fn left_louder_on(levels: &Levels, channel: &str) -> Option<Louder> {
+    let mut all = all_louder(&levels.after).into_iter();
+    all.find(|louder| CHANNELS[louder.class] == channel && is_left(levels, louder))
+}
+
+fn is_left(levels: &Levels, louder: &Louder) -> bool {
+    share_left(&levels.before, &levels.after, louder.class) > REST
 }
 
 /// There are validation runs enough to confirm a name.

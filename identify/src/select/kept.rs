@@ -18,8 +18,8 @@ pub struct Kept {
     pub(super) vain: Vec<(usize, f64)>,
     /// The same of those that were fitted and refused since the last effect was accepted.
     refused: Vec<(usize, f64)>,
-    /// Something was taken into the floor's model after they were.
-    is_refused_before: bool,
+    /// So many of them were before the floor's model last took something in.
+    refused_before: usize,
     /// Of the last round, while the model is the same.
     pub(super) fitted: Vec<Fitted>,
     /// Where patches explain most at the present model; unknown before anybody asked.
@@ -34,19 +34,15 @@ impl Kept {
     /// The model has changed: good enough to see that nothing is left, not to choose with.
     pub fn outdate(&mut self) {
         self.is_fresh = false;
-        self.forget_refused();
+        self.refused.clear();
+        self.refused_before = 0;
         self.fitted.clear();
         self.patches = None;
     }
 
-    fn forget_refused(&mut self) {
-        self.refused.clear();
-        self.is_refused_before = false;
-    }
-
     /// The floor's model has taken something in: what was fitted is fitted again.
     pub fn absorb(&mut self) {
-        self.is_refused_before = !self.refused.is_empty();
+        self.refused_before = self.refused.len();
         self.fitted.clear();
         self.patches = None;
     }
@@ -63,15 +59,14 @@ impl Kept {
     /// Nothing is left to accept or to take into the floor's model: what was refused before that model was complete is fitted once more.
     /// Beside what is named only if that model has changed since: what the named effects refused they would refuse again. Whether there is anything.
     pub fn reconsider(&mut self, is_any_named: bool) -> bool {
-        let is_any = if is_any_named {
-            self.is_refused_before
+        let heard = if is_any_named {
+            self.refused_before
         } else {
-            !self.refused.is_empty()
+            self.refused.len()
         };
-        if is_any {
-            self.forget_refused();
-        }
-        is_any
+        self.refused.drain(..heard);
+        self.refused_before = 0;
+        heard > 0
     }
 
     /// Where patches explain most at the present model, asked for once.
@@ -145,6 +140,14 @@ mod tests {
         kept.absorb();
         assert!(kept.reconsider(true), "the floor's model has changed since");
         assert!(!kept.is_vain(3, 50.0) && !kept.reconsider(true));
+        kept.refused.push((3, 40.0));
+        kept.absorb();
+        kept.refused.push((6, 40.0));
+        assert!(kept.reconsider(true) && !kept.is_vain(3, 50.0));
+        assert!(
+            kept.is_vain(6, 50.0),
+            "what the names refused since they would refuse again"
+        );
     }
 
     #[test]

@@ -16,8 +16,10 @@ use crate::hypothesis::Candidate;
 use crate::screen::{Score, columns, scores};
 use crate::workers::{Cancelled, Workers, gathered};
 
-/// So many are fitted.
-const MOST: usize = 5;
+/// Of candidates with this share of the threshold on the training runs, and of those with less, so many are fitted.
+const SEEN_BEFORE: f64 = 0.2;
+const MOST_SEEN: usize = 5;
+const MOST_UNSEEN: usize = 3;
 
 impl Question<'_> {
     /// What all open runs show together, if each side shows some of it, or the runs kept for checking far more than chance gives and the others nothing.
@@ -46,8 +48,13 @@ impl Question<'_> {
             .filter(|item| scores[*item].gain >= WANTED * stop.threshold)
             .collect();
         order.sort_by(|a, b| scores[*b].gain.total_cmp(&scores[*a].gain).then(a.cmp(b)));
-        let mut list = short_list(&candidates, &order, &scores);
-        list.truncate(MOST);
+        let is_seen = |item: &usize| stop.scores[open[*item]].gain >= SEEN_BEFORE * stop.threshold;
+        let (seen, unseen): (Vec<usize>, Vec<usize>) = order.into_iter().partition(is_seen);
+        let first = |order: &[usize], most: usize| -> Vec<usize> {
+            let list = short_list(&candidates, order, &scores);
+            list.into_iter().take(most).collect()
+        };
+        let list = [first(&seen, MOST_SEEN), first(&unseen, MOST_UNSEEN)].concat();
         let starts = list.iter().flat_map(|item| {
             let all = core::iter::once(&scores[*item].start).chain(&scores[*item].more_starts);
             all.map(|start| (*item, start.clone()))
@@ -71,7 +78,18 @@ impl Question<'_> {
                 && (found.member.candidate.entry.name != PLACE || self.is_met_again(found))
         };
         let mut found: Vec<Finalist> = judged.into_iter().flatten().filter(is_shown).collect();
-        found.sort_by(|a, b| b.gain().total_cmp(&a.gain()).then(a.position.cmp(&b.position)));
+        for finalist in &mut found {
+            finalist.is_unshown = finalist.gain_train < chance;
+        }
+        // What both sides show comes before what one of them says alone, however much that is.
+        let order = |a: &Finalist, b: &Finalist| {
+            let by_gain = b.gain().total_cmp(&a.gain());
+            a.is_unshown
+                .cmp(&b.is_unshown)
+                .then(by_gain)
+                .then(a.position.cmp(&b.position))
+        };
+        found.sort_by(order);
         let mut seen: Vec<usize> = Vec::new();
         found.retain(|finalist| {
             let is_best_start = !seen.contains(&finalist.position);
@@ -84,16 +102,19 @@ impl Question<'_> {
             finalist.stability = share;
         }
         let mut found = found.into_iter();
-        Ok(found.next().map(|mut finalist| {
+        Ok(found.next().map(|finalist| {
             let is_near = self.is_near(&finalist);
-            finalist.is_unshown = finalist.gain_train < chance;
+            let first = match finalist.is_unshown {
+                true => "nothing".to_owned(),
+                false => format!("{:.0}", finalist.gain_train),
+            };
             Suspect {
                 alternatives: found.filter(is_near).collect(),
                 because: format!(
-                    "fitted to both it explains {:.0} of the first and {:.0} of the others, the threshold being {:.0}",
-                    finalist.gain_train, finalist.gain_validation, stop.threshold
+                    "fitted to both it explains {first} of the first and {:.0} of the others, the threshold being {:.0}",
+                    finalist.gain_validation, stop.threshold
                 ),
-                is_shown_together: finalist.gain_train < stop.threshold && !finalist.is_unshown,
+                is_shown_together: finalist.gain_train < stop.threshold,
                 finalist,
             }
         }))
