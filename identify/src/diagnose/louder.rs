@@ -30,6 +30,16 @@ pub(super) struct RunLevel {
     liveliness: f64,
 }
 
+#[cfg(test)]
+impl RunLevel {
+    pub fn sample(log_energy: [Option<f64>; CLASSES]) -> RunLevel {
+        RunLevel {
+            log_energy,
+            liveliness: 1.0,
+        }
+    }
+}
+
 /// Runs beside the references, both under the same model and in the same units of noise.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Compared {
@@ -174,6 +184,24 @@ mod tests {
             missed += usize::from(loud.is_none_or(|loud| loud.class != GYRO || loud.ratio < 4.0));
         }
         assert!(chance <= 20 && missed <= 2, "{chance} {missed}");
+    }
+
+    /// Wheels are asked for themselves: another channel may be louder more clearly.
+    #[test]
+    fn all_channels_that_are_louder_are_told() {
+        let of = |gyro: f64, wheel: f64| {
+            let mut log_energy = [Some(0.0); CLASSES];
+            (log_energy[GYRO], log_energy[0]) = (Some(gyro), Some(wheel));
+            let run = RunLevel {
+                log_energy,
+                liveliness: 1.0,
+            };
+            vec![run; 3]
+        };
+        let all = all_louder(&beside(&of(0.0, 0.0), of(6.0, 3.0)));
+        assert_eq!(all.iter().map(|louder| louder.class).collect::<Vec<_>>(), [0, GYRO]);
+        let first = louder(&beside(&of(0.0, 0.0), of(6.0, 3.0)));
+        assert_eq!(first.map(|louder| louder.class), Some(GYRO));
     }
 
     #[test]

@@ -96,7 +96,33 @@ pub(super) fn validated(case: &Case) -> bool {
 #[cfg(test)]
 mod tests {
     use super::super::energy::Energy;
+    use super::super::louder::{Compared, RunLevel};
     use super::*;
+    use crate::record::CLASSES;
+
+    /// Wheels that were 400 times as loud as in the references, while currents are louder still.
+    #[test]
+    fn wheels_are_left_louder_whatever_else_is() {
+        let runs = |wheel: f64, current: f64| {
+            let mut log_energy = [Some(0.0); CLASSES];
+            (log_energy[0], log_energy[2]) = (Some(wheel), Some(current));
+            vec![RunLevel::sample(log_energy); 3]
+        };
+        let compared = |wheel: f64, current: f64| Compared {
+            references: runs(0.0, 0.0),
+            runs: runs(wheel, current),
+        };
+        let left = |wheel: f64| {
+            let levels = Levels {
+                before: compared(6.0, 8.0),
+                after: compared(wheel, 7.9),
+            };
+            left_louder_on(&levels, "wheel").is_some()
+        };
+        assert!(left(5.5), "six tenths are left");
+        assert!(!left(4.0), "a seventh is left");
+        assert!(!left(0.1), "as loud as in the references");
+    }
 
     #[test]
     fn little_is_explained_when_loud_and_quiet_windows_are_left_as_they_were() {
