@@ -103,6 +103,31 @@ fn sizes_are_halved_towards_none_and_places_and_limits_stay() {
     assert_eq!(halved("acceleration_limit", &[2.0]), [2.0]);
 }
 
+#[test]
+fn limits_alone_are_scaled_and_what_is_not_limited_stays_so() {
+    let robot = twin::golden::reference_robot("rwd");
+    let driven = crate::hypothesis::Excitation {
+        wheel_rad_per_s: 20.0,
+        twist: [1.0, 0.0, 3.0],
+        extent_m: [-1.0, 1.0, -1.0, 1.0],
+    };
+    let all = crate::hypothesis::candidates(&robot, &driven);
+    let member = |name: &str, values: &[f64]| Member {
+        candidate: all
+            .iter()
+            .find(|candidate| candidate.entry.name == name)
+            .expect("a candidate")
+            .clone(),
+        values: values.to_vec(),
+    };
+    let body = member("body_speed_saturation", &[0.8, f64::INFINITY, f64::INFINITY]);
+    let motor = member("weak_motor", &[0.9]);
+    assert!(with_limits(core::slice::from_ref(&motor), RAISED).is_none());
+    let scaled = with_limits(&[motor, body], RAISED).expect("one of them is a limit");
+    assert_eq!(scaled[0].values, [0.9]);
+    assert!((scaled[1].values[0] - RAISED * 0.8).abs() < 1e-12 && scaled[1].values[1].is_infinite());
+}
+
 /// Three runs of which the first asks for more of it and the others for less: without the first it is less.
 #[test]
 fn members_without_a_run_are_those_of_the_others() {
