@@ -3,7 +3,7 @@
 //! Some of the open runs are searched and others are kept for checking: an effect that all of them show just beyond chance is not seen on some of them, and a
 //! law that is no straight line in its sizes may be fitted to some of them at sizes that the others contradict. When nothing else is found, all open runs are
 //! searched together. What passes there has nothing left to be checked on but the runs that stay locked, so it is never confirmed; each side has to show
-//! some of it for all that. A wall that one run of six meets, or a seam that two cross, may be kept for checking by chance: what explains these runs far beyond
+//! some of it for all that. A carpet that one run of six meets, or a seam that two cross, may be kept for checking by chance: what explains these runs far beyond
 //! chance and says nothing of the others is listed the same way.
 
 use super::evidence::wins;
