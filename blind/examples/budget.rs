@@ -49,7 +49,7 @@ fn main() -> anyhow::Result<()> {
             ("and calibration", floor.clone()),
         ] {
             for runs in [2, runs] {
-                let gain = reach.gain(&floor, runs);
+                let gain = reach.gain(&floor, 0..runs);
                 println!(
                     "  {what:<16} {runs} runs: expected {:.1} got {:.1}",
                     gain.expected, gain.got
@@ -57,7 +57,7 @@ fn main() -> anyhow::Result<()> {
             }
         }
         // Which knob takes most: the calibration's share without the variation of one.
-        let part = |floor: &Floor| reach.gain(floor, runs).expected;
+        let part = |floor: &Floor| reach.gain(floor, 0..runs).expected;
         let whole = part(floor);
         let mut takers: Vec<(f64, String)> = (0..count)
             .map(|k| {

@@ -60,13 +60,18 @@ fn seen(line: &Line, seed: u64) -> Result<Option<Seen>> {
     let reach = Reach::of(&driven, known)?;
     let floors = [reach.known(true), reach.known(false), reach.floor.clone()];
     let runs = reach.records.len();
-    let gains = floors.map(|floor| reach.gain(&floor, runs).expected.max(0.0));
+    let gains = floors.map(|floor| reach.gain(&floor, 0..runs).expected.max(0.0));
+    let by_run = (0..runs).map(|run| {
+        let gain = reach.gain(&reach.floor, run..run + 1);
+        format!("{:.0} ({:.0})", gain.expected, gain.got)
+    });
     println!(
-        "{number} {chassis} {name} shows {:.1}; gain {:.0}, {:.0}, {:.0}{missed}",
+        "{number} {chassis} {name} shows {:.1}; gain {:.0}, {:.0}, {:.0}; by run {}{missed}",
         known.visible.largest(),
         gains[0],
         gains[1],
         gains[2],
+        by_run.collect::<Vec<_>>().join(", "),
     );
     Ok(Some(Seen {
         gains,
@@ -99,7 +104,10 @@ fn main() -> Result<()> {
     let folder = Path::new(arguments.first().context("FOLDER [PART/PARTS]")?);
     let seed = seed_of(folder)?;
     let (part, parts) = part(arguments.get(1))?;
-    println!("gains {}", LEVELS.join("; "));
+    println!(
+        "gains {}; then of each run alone (and what its measurements give)",
+        LEVELS.join("; ")
+    );
     let mut all = Vec::new();
     for line in lines(folder)? {
         if line.kind == Kind::Single && line.error.is_none() && line.set % parts == part {

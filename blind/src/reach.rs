@@ -7,6 +7,7 @@ use identify::linear::Square;
 use identify::record::{Record, Stages, residuals};
 use identify::screen::columns;
 use identify::workers::Serial;
+use std::ops::Range;
 
 use crate::set::{Driven, Known};
 
@@ -63,13 +64,14 @@ impl Reach {
         })
     }
 
-    /// Of the first `runs` runs.
+    /// Of some runs together.
     ///
     /// - `floor`: what is unknown; [`Reach::floor`] or one of [`Reach::known`].
-    pub fn gain(&self, floor: &Floor, runs: usize) -> Gain {
-        let knobs: Vec<Vec<Vec<f64>>> = self.sensitivities.iter().map(|knob| knob[..runs].to_vec()).collect();
-        let metric = floor.metric(&self.records[..runs], &knobs);
-        let (without, with) = (&self.without[..runs], &self.with[..runs]);
+    pub fn gain(&self, floor: &Floor, runs: Range<usize>) -> Gain {
+        let of = |all: &[Vec<f64>]| all[runs.clone()].to_vec();
+        let knobs: Vec<Vec<Vec<f64>>> = self.sensitivities.iter().map(|knob| of(knob)).collect();
+        let metric = floor.metric(&self.records[runs.clone()], &knobs);
+        let (without, with) = (&self.without[runs.clone()], &self.with[runs.clone()]);
         let change: Vec<Vec<f64>> = without
             .iter()
             .zip(with)

@@ -172,9 +172,9 @@ impl Taken {
         })
     }
 
-    /// Number of its doubts of which none follows from another. Where something else has surely changed, or nothing else has a name, the runs kept for checking
-    /// show by themselves what is asked and stretches differ by less than the size, an interval that is wide because stretches differ is no second doubt beside that they do, if there is
-    /// some of it on average.
+    /// Number of its doubts of which none follows from another. An interval that is wide because stretches differ is no second doubt beside that they do, if
+    /// there is some of it on average, where something else has surely changed; or where nothing else has a name, the runs kept for checking show by themselves
+    /// what is asked, and stretches differ by less than the size.
     pub fn independent_doubts(&self, is_beside_sure: bool, is_alone: bool) -> usize {
         let uneven = self.uneven().filter(|_| !self.is_reconciled());
         let is_width_alone = uneven.is_some() && self.nothing().is_some() && !self.may_be_none_on_average;

@@ -1,5 +1,6 @@
 //! What is known of a candidate once it is fitted and judged.
 
+use core::cmp::Ordering;
 use twin::effect::Effect;
 
 use crate::fit::{Fit, Member};
@@ -81,6 +82,13 @@ impl Finalist {
 
     pub fn gain(&self) -> f64 {
         self.gain_train + self.gain_validation
+    }
+
+    /// What both sides show comes before what one of them says alone, however much that is; then by gain.
+    pub(super) fn by_sides(&self, other: &Finalist) -> Ordering {
+        let by_gain = other.gain().total_cmp(&self.gain());
+        let by_side = self.is_unshown.cmp(&other.is_unshown);
+        by_side.then(by_gain).then(self.position.cmp(&other.position))
     }
 
     /// The runs kept for checking show it, and those that were searched hardly do.

@@ -81,15 +81,7 @@ impl Question<'_> {
         for finalist in &mut found {
             finalist.is_unshown = finalist.gain_train < chance;
         }
-        // What both sides show comes before what one of them says alone, however much that is.
-        let order = |a: &Finalist, b: &Finalist| {
-            let by_gain = b.gain().total_cmp(&a.gain());
-            a.is_unshown
-                .cmp(&b.is_unshown)
-                .then(by_gain)
-                .then(a.position.cmp(&b.position))
-        };
-        found.sort_by(order);
+        found.sort_by(Finalist::by_sides);
         let mut seen: Vec<usize> = Vec::new();
         found.retain(|finalist| {
             let is_best_start = !seen.contains(&finalist.position);

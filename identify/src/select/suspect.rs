@@ -74,15 +74,7 @@ impl Question<'_> {
             }
         }
         found.retain(|finalist| finalist.member.candidate.entry.name != PLACE || self.is_met_again(finalist));
-        // What both sides show comes before what one of them says alone, however much that is.
-        let order = |a: &Finalist, b: &Finalist| {
-            let by_gain = b.gain().total_cmp(&a.gain());
-            a.is_unshown
-                .cmp(&b.is_unshown)
-                .then(by_gain)
-                .then(a.position.cmp(&b.position))
-        };
-        found.sort_by(order);
+        found.sort_by(Finalist::by_sides);
         let mut found = found.into_iter();
         let Some(mut finalist) = found.next() else {
             return Ok(None);
