@@ -91,7 +91,7 @@ fn what_may_be_none_is_not_confirmed_beside_what_explains_more() {
     assert_eq!(status("wheel_misalignment"), Some("confirmed"));
     assert_eq!(status("floor_friction"), Some("ambiguous"));
     let is_told = |remark: &String| {
-        remark.starts_with("floor_friction") && remark.contains("wheel_misalignment, which explains more")
+        remark.starts_with("floor_friction") && remark.contains("make up for what wheel_misalignment")
     };
     assert!(report.remarks.iter().any(is_told), "{:?}", report.remarks);
 }
