@@ -39,6 +39,9 @@ struct Arguments {
     /// The first effect of every set
     #[arg(long)]
     effect: Option<String>,
+    /// Runs of a set beside its references; the first ones are the same with any number
+    #[arg(long, default_value_t = Wish::standard().runs, value_parser = runs_of_a_set)]
+    runs: usize,
     /// Go on in this folder
     #[arg(long)]
     resume: Option<PathBuf>,
@@ -91,6 +94,7 @@ fn run(arguments: &Arguments, shard: u64, shards: u64, out: &std::path::Path) ->
         chassis: arguments.chassis.clone(),
         effect: arguments.effect.clone(),
         robots: arguments.robots,
+        runs: arguments.runs,
         ..Wish::standard()
     };
     if arguments.quick {
@@ -150,6 +154,14 @@ fn run(arguments: &Arguments, shard: u64, shards: u64, out: &std::path::Path) ->
     }
     bar.finish_and_clear();
     Ok(())
+}
+
+/// From 2, which the plant's oracle looks at.
+fn runs_of_a_set(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(runs) if (2..=100).contains(&runs) => Ok(runs),
+        _ => Err("runs of a set are 2 to 100".to_owned()),
+    }
 }
 
 /// Part and number of parts of `I/N`, the part from 0.

@@ -43,6 +43,15 @@ const WORSE: f64 = 1.05;
 /// A gap is above its floor from this factor.
 const ABOVE_FLOOR: f64 = 1.5;
 
+/// The row of an effect by how far it shows.
+fn how_loud(known: &Known) -> &'static str {
+    match known.visible.largest() {
+        ratio if ratio >= 2.0 => "in_set_loud",
+        ratio if ratio >= 1.0 => "in_set_middle",
+        _ => "in_set_faint",
+    }
+}
+
 fn is_same(effect: &NamedEffect, known: &Known) -> bool {
     effect.name == known.best.name && effect.index == known.best.index
 }
@@ -297,6 +306,8 @@ fn single(scorer: &mut Scorer<'_>, known: &Known, report: &Report) {
         return;
     }
     scorer.first_and_set("", known, report);
+    let is_in_set = report.effects.iter().any(|effect| holds(effect, known, scorer.alike));
+    scorer.check(how_loud(known), is_in_set);
     let exact = report.effects.first().is_some_and(|effect| is_same(effect, known));
     scorer.check("right_first_exact", exact);
     let untestable = report.untestable.iter().any(|other| other.name == known.best.name);

@@ -97,6 +97,8 @@ fn a_right_name_counts_with_its_error_interval_and_channel() {
     let facts = score(&sealed, &[report("confirmed", &[right], &[], &["pose"])], &never);
     assert_eq!(one(&facts, "right_first"), Some(1.0));
     assert_eq!(one(&facts, "in_set"), Some(1.0));
+    assert_eq!(one(&facts, "in_set_loud"), Some(1.0));
+    assert_eq!(one(&facts, "in_set_middle"), None);
     assert_eq!(one(&facts, "set_size"), Some(1.0));
     assert_eq!(one(&facts, "wrong_confirmed"), Some(0.0));
     assert!(one(&facts, "parameter_error").is_some_and(|error| (error - 0.05).abs() < 1e-12));

@@ -46,6 +46,15 @@ pub(super) const ROWS: &[Row] = &[
         Rate,
     ),
     row("in_set", "true name inside the returned set", "95 %", "98 %", Rate),
+    row(
+        "in_set_loud",
+        "the same, of effects that show at twice a sensor's noise and more",
+        "",
+        "",
+        Rate,
+    ),
+    row("in_set_middle", "of those between once and twice", "", "", Rate),
+    row("in_set_faint", "of those below", "", "", Rate),
     row("set_size", "mean set size", "1.5", "", Mean),
     row("named_nothing_there", "any name on no-effect data", "2 %", "1 %", Limit),
     row(
