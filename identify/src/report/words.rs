@@ -96,8 +96,34 @@ pub fn verdict_sentence(
         Verdict::Partial if suspect.is_some() => format!(
             "The disagreement is real: {names} would explain it, but these runs do not prove it; another run can tell.{share}"
         ),
-        Verdict::Partial => format!("Missing in the twin: {names}, but not proven or not all.{share}"),
-        Verdict::Ambiguous => format!("Missing in the twin: {names} or its like; another run can tell.{share}"),
+        Verdict::Partial | Verdict::Ambiguous => format!("{}{share}", told_apart(verdict, effects)),
+    }
+}
+
+/// Names, those that are confirmed before the others.
+fn told_apart(verdict: Verdict, effects: &[NamedEffect]) -> String {
+    let of = |is_sure: bool| -> Vec<String> {
+        let own = effects
+            .iter()
+            .filter(|effect| (effect.status == "confirmed") == is_sure);
+        own.map(|effect| plain(&effect.name)).collect()
+    };
+    let (sure, open) = (of(true), of(false));
+    let like = match (verdict, open.len()) {
+        (Verdict::Ambiguous, 0 | 1) => " or its like",
+        (Verdict::Ambiguous, _) => " or their like",
+        _ => "",
+    };
+    match (sure.is_empty(), open.is_empty()) {
+        (true, _) if like.is_empty() => format!("Missing in the twin: {}, but not proven or not all.", open.join(", ")),
+        (true, _) => format!("Missing in the twin: {}{like}; another run can tell.", open.join(", ")),
+        (false, true) => format!("Missing in the twin: {}, but not proven or not all.", sure.join(", ")),
+        (false, false) => format!(
+            "Missing in the twin: {}. Not proven beside {}: {}{like}; another run can tell.",
+            sure.join(", "),
+            if sure.len() == 1 { "it" } else { "them" },
+            open.join(", ")
+        ),
     }
 }
 
@@ -116,6 +142,39 @@ fn does(explained: Option<f64>, are_many: bool) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_confirmed_is_told_apart_from_what_is_not() {
+        let effect = |name: &str, status: &str| -> NamedEffect {
+            serde_json::from_value(
+                serde_json::json!({"name": name, "status": status, "index": null, "alternatives": [],
+                "parameters": [], "evidence": {"gain": 1.0, "threshold": 1.0, "stability": 1.0, "gain_validation": 1.0},
+                "excluded": [], "sentence": ""}),
+            )
+            .expect("an effect")
+        };
+        let limit = || effect("acceleration_limit", "confirmed");
+        let clock = || effect("clock_offset", "ambiguous");
+        let said = |verdict, effects: &[NamedEffect]| verdict_sentence(verdict, effects, Some(0.9), "", None, true);
+        assert_eq!(
+            said(Verdict::Ambiguous, &[clock(), limit()]),
+            "Missing in the twin: acceleration limit. Not proven beside it: clock offset or its like; another run can tell. \
+             Together they explain 90 % of the gap on runs that were not used."
+        );
+        assert_eq!(
+            said(Verdict::Partial, &[limit(), clock()]),
+            "Missing in the twin: acceleration limit. Not proven beside it: clock offset; another run can tell. \
+             Together they explain 90 % of the gap on runs that were not used."
+        );
+        assert_eq!(
+            said(Verdict::Partial, &[limit()]),
+            "Missing in the twin: acceleration limit, but not proven or not all. It explains 90 % of the gap on runs that were not used."
+        );
+        assert_eq!(
+            said(Verdict::Ambiguous, &[clock()]),
+            "Missing in the twin: clock offset or its like; another run can tell. It explains 90 % of the gap on runs that were not used."
+        );
+    }
 
     #[test]
     fn of_a_gap_no_more_than_all_is_explained_and_one_that_grows_is_told() {

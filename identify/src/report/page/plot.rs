@@ -8,6 +8,9 @@ const HEIGHT: f64 = 150.0;
 const LEFT: f64 = 8.0;
 const BOTTOM: f64 = 22.0;
 const TOP: f64 = 22.0;
+/// Size of letters, and the width of one over it.
+const LETTER: f64 = 11.0;
+const WIDTH_OF_LETTER: f64 = 0.55;
 
 fn open(title: &str, height: f64) -> String {
     format!(
@@ -26,12 +29,20 @@ pub(super) fn bars(title: &str, values: &[(String, f64)], level: Option<f64>) ->
         .max(1e-9);
     let step = (WIDTH - 2.0 * LEFT) / values.len().max(1) as f64;
     let span = HEIGHT - TOP - BOTTOM;
+    // No label runs into its neighbour's.
+    let longest = values
+        .iter()
+        .map(|value| value.0.chars().count())
+        .max()
+        .unwrap_or(0)
+        .max(1) as f64;
+    let letter = LETTER.min(step / (WIDTH_OF_LETTER * (longest + 0.5)));
     for (k, (label, value)) in values.iter().enumerate() {
         let height = span * (value / most).max(0.0);
         let x = LEFT + k as f64 * step;
         svg.push_str(&format!(
             "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"{:.1}\" height=\"{height:.1}\" fill=\"var(--blue)\"><title>{}: {}</title></rect>\
-             <text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text>",
+             <text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\" style=\"font-size:{letter:.1}px\">{}</text>",
             x + 0.1 * step,
             TOP + span - height,
             0.8 * step,

@@ -20,7 +20,7 @@ pub fn verdict(name: &str) -> (&'static str, Tone, &'static str) {
         "ambiguous" => (
             "More than one explanation",
             Tone::Warning,
-            "Several effects explain these runs equally well. The proposed experiment moves the robot so that they differ.",
+            "Several effects explain these runs, or a part of what they show, equally well. The proposed experiment moves the robot so that they differ.",
         ),
         "unexplained" => (
             "Unexplained",
@@ -55,7 +55,11 @@ pub fn headline(report: &Report) -> String {
             _ => report.sentence.clone(),
         };
     }
-    let effects: Vec<String> = report.effects.iter().map(effect).collect();
+    let of = |is_open: bool| -> Vec<String> {
+        let own = report.effects.iter().filter(|effect| is_ambiguous(effect) == is_open);
+        own.map(effect).collect()
+    };
+    let (sure, open) = (of(false), of(true));
     let gap = pose_gap(report).map_or_else(String::new, |(gap, runs)| {
         let on = match runs {
             0 => "the runs".to_owned(),
@@ -69,9 +73,19 @@ pub fn headline(report: &Report) -> String {
             length(gap.after)
         )
     });
-    let is_open = report.effects.iter().all(|effect| effect.status == "ambiguous");
-    let hedge = if is_open { "Not proven: " } else { "" };
-    format!("{hedge}{robot} {}{gap}.", effects.join(" and "))
+    match (sure.is_empty(), open.is_empty()) {
+        (true, _) => format!("Not proven: {robot} {}{gap}.", open.join(" and ")),
+        (false, true) => format!("{robot} {}{gap}.", sure.join(" and ")),
+        (false, false) => format!(
+            "{robot} {}, and perhaps {}{gap}.",
+            sure.join(" and "),
+            open.join(" and ")
+        ),
+    }
+}
+
+fn is_ambiguous(effect: &Effect) -> bool {
+    effect.status == "ambiguous"
 }
 
 /// The figure that people look at first: positions two seconds ahead, and how many runs it was measured on.
@@ -271,8 +285,12 @@ mod tests {
                 effects.join(", ")
             )))
         };
+        let more = "carries 2.0 kg more than described";
         assert!(of(["ambiguous", "ambiguous"]).starts_with("Not proven: rwd-01 carries 2.0 kg more than described"));
-        assert!(of(["confirmed", "ambiguous"]).starts_with("rwd-01 carries"));
+        let mixed = format!("rwd-01 {more}, and perhaps {more}.");
+        assert_eq!(of(["confirmed", "ambiguous"]), mixed);
+        assert_eq!(of(["ambiguous", "confirmed"]), mixed);
+        assert_eq!(of(["confirmed", "confirmed"]), format!("rwd-01 {more} and {more}."));
     }
 
     #[test]
