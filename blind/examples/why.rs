@@ -1,6 +1,6 @@
 //! What a diagnosis says of sets and of what is hidden in them: what was named, and in which list the truth ended and why.
 //!
-//! `cargo run --release -p blind --example why -- KIND[:EFFECT] SEED NUMBER...`; with an effect, sets as `--effect EFFECT` numbers them.
+//! `cargo run --release -p blind --example why -- KIND[:EFFECT[:RUNS]] SEED NUMBER...`; with an effect, sets as `--effect EFFECT` numbers them.
 
 use blind::set::{Set, Wish};
 use identify::diagnose::{Input, diagnose};

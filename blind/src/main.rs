@@ -42,6 +42,9 @@ struct Arguments {
     /// Runs of a set beside its references; the first ones are the same with any number
     #[arg(long, default_value_t = Wish::standard().runs, value_parser = runs_of_a_set)]
     runs: usize,
+    /// References of a set, the same way [default: 4, with --quick 3]
+    #[arg(long, value_parser = runs_of_a_set)]
+    references: Option<usize>,
     /// Go on in this folder
     #[arg(long)]
     resume: Option<PathBuf>,
@@ -100,6 +103,7 @@ fn run(arguments: &Arguments, shard: u64, shards: u64, out: &std::path::Path) ->
     if arguments.quick {
         (wish.seconds, wish.references) = (12, 3);
     }
+    wish.references = arguments.references.unwrap_or(wish.references);
     let wanted = format!("seed {} {wish:?}\n", arguments.seed);
     let settings = out.join("settings.txt");
     match std::fs::read_to_string(&settings) {
@@ -160,7 +164,7 @@ fn run(arguments: &Arguments, shard: u64, shards: u64, out: &std::path::Path) ->
 fn runs_of_a_set(text: &str) -> Result<usize, String> {
     match text.parse() {
         Ok(runs) if (2..=100).contains(&runs) => Ok(runs),
-        _ => Err("runs of a set are 2 to 100".to_owned()),
+        _ => Err("a set has 2 to 100 of them".to_owned()),
     }
 }
 

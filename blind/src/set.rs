@@ -54,17 +54,27 @@ impl Wish {
         }
     }
 
-    /// Of words `KIND` or `KIND:EFFECT`, as programs that look at single sets take them.
+    /// Of words `KIND`, `KIND:EFFECT` or `KIND:EFFECT:RUNS`, as programs that look at single sets take them.
     pub fn named(text: &str) -> Result<Wish> {
         let (kind, effect) = match text.split_once(':') {
-            Some((kind, effect)) => (kind, Some(effect.to_owned())),
+            Some((kind, effect)) => (kind, Some(effect)),
             None => (text, None),
         };
+        let (effect, runs) = match effect.and_then(|effect| effect.split_once(':')) {
+            Some((effect, runs)) => (Some(effect), Some(runs)),
+            None => (effect, None),
+        };
+        let standard = Wish::standard();
+        let runs = runs.map_or(Ok(standard.runs), |runs| {
+            let many = runs.parse().ok().filter(|runs| *runs >= ORACLE_RUNS);
+            many.ok_or_else(|| anyhow!("{text}: runs are a number from {ORACLE_RUNS}, as in single:payload:8"))
+        })?;
         let kind = <Kind as clap::ValueEnum>::from_str(kind, true).map_err(|error| anyhow!("kind {kind}: {error}"))?;
         Ok(Wish {
             kind: Some(kind),
-            effect,
-            ..Wish::standard()
+            effect: effect.map(str::to_owned),
+            runs,
+            ..standard
         })
     }
 }

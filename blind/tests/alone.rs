@@ -75,6 +75,20 @@ fn what_all_open_runs_show_together_is_suspected() {
     assert!(report.remarks.iter().any(is_told), "{:?}", report.remarks);
 }
 
+/// Dry friction of a car, seen as plainly as nothing else in the currents, of sizes that differ from stretch to stretch by as much as itself.
+#[test]
+#[ignore = "one to two minutes: cargo xtask soak names"]
+fn what_explains_most_of_the_gap_of_unused_runs_is_not_left_out_for_its_doubts() {
+    let report = diagnosed("single:coulomb_friction:8", 402, 25, &["coulomb_friction"]);
+    assert_eq!(named(&report), [("coulomb_friction", None)]);
+    assert_eq!(report.effects[0].status, "ambiguous");
+    let doubts = report
+        .remarks
+        .iter()
+        .filter(|remark| remark.starts_with("coulomb_friction: "));
+    assert_eq!(doubts.count(), 2, "{:?}", report.remarks);
+}
+
 /// A limit of the wheels that only the hardest moment of one training run reaches, by 3 %.
 #[test]
 #[ignore = "one to two minutes: cargo xtask soak names"]

@@ -1,5 +1,6 @@
 //! When nothing could be named: what is suspected goes into the model as an effect that is not confirmed. And what is doubted twice, for reasons of their own, goes out of it.
 
+use super::gap_table::ValidationGap;
 use super::nearest::unchecked;
 use super::opening::otherwise_calibrated;
 use super::prepared::Prepared;
@@ -15,6 +16,8 @@ use crate::workers::{Cancelled, Workers};
 
 /// A name with so many doubts is not listed.
 const TOO_MANY: usize = 2;
+/// Unless it explains so much of the gap of the validation runs that without it nobody would know what they are off by.
+const MOST_OF_GAP: f64 = 0.5;
 
 /// Takes what the last round suspects, if it named nothing; the sides are under it then.
 pub(super) fn take_suspect(
@@ -114,9 +117,10 @@ pub(super) fn drop_doubtful(
         return Ok(false);
     }
     let (is_fitted, inflation) = (case.fit.is_some(), case.floor.inflation());
+    let is_seen = seen_in_the_gap(case, members);
     let is_beside_sure = case.taken.iter().any(Taken::vouches);
     let is_alone = case.taken.iter().filter(|taken| !taken.tiny).count() == 1;
-    let why = |taken: &Taken| {
+    let why = |(taken, is_seen): (&Taken, &bool)| {
         if taken.suspected.is_some() && (taken.tiny || !is_fitted) {
             return Some("hardly any of it is left on all open runs together".to_owned());
         }
@@ -129,9 +133,9 @@ pub(super) fn drop_doubtful(
             );
         }
         let is_doubted = !taken.tiny && taken.independent_doubts(is_beside_sure, is_alone) >= TOO_MANY;
-        is_doubted.then(|| format!("is doubted more than once: {}", taken.doubts().join("; ")))
+        (is_doubted && !is_seen).then(|| format!("is doubted more than once: {}", taken.doubts().join("; ")))
     };
-    let doubtful: Vec<Option<String>> = case.taken.iter().map(why).collect();
+    let doubtful: Vec<Option<String>> = case.taken.iter().zip(&is_seen).map(why).collect();
     if doubtful.iter().all(Option::is_none) || doubtful.len() != members.len() {
         return Ok(false);
     }
@@ -152,6 +156,25 @@ pub(super) fn drop_doubtful(
     case.fit = None;
     renew(workers, case, members, sides)?;
     Ok(true)
+}
+
+/// Which names explain most of the gap of the validation runs, beside what the others do: known of those alone that are doubted too often.
+///
+/// What is suspected was fitted to these runs, and so were losses.
+fn seen_in_the_gap(case: &Case, members: &[Member]) -> Vec<bool> {
+    let mut gap = ValidationGap::default();
+    let mut is_seen = |(position, taken): (usize, &Taken)| {
+        let is_asked = !taken.tiny && taken.is_held_out() && taken.doubts().len() >= TOO_MANY;
+        if !is_asked || members.len() != case.taken.len() {
+            return false;
+        }
+        let mut others = members.to_vec();
+        others.remove(position);
+        let models = [&others[..], members].map(|members| with_members(&case.floor.model, members));
+        let explained = gap.explained(case, &models);
+        matches!(explained[..], [Some(without), Some(with)] if with >= without + MOST_OF_GAP)
+    };
+    case.taken.iter().enumerate().map(&mut is_seen).collect()
 }
 
 /// Names that less speaks for than is asked, and the others.

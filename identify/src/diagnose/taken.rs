@@ -118,9 +118,17 @@ impl Taken {
     /// Both sides agree on it so surely that what it leaves is no reason to disbelieve it. Losses and what is only suspected were fitted to both.
     pub fn is_proven(&self) -> bool {
         let finalist = &self.finalist;
-        let is_held_out = self.suspected.is_none() && finalist.member.candidate.entry.name != LOST;
         let is_agreed = finalist.gain_train >= SURELY * self.threshold && finalist.is_agreed(self.threshold);
-        is_held_out && is_agreed && self.reserved.is_empty() && self.doubts().is_empty() && self.other_laws().is_empty()
+        self.is_held_out()
+            && is_agreed
+            && self.reserved.is_empty()
+            && self.doubts().is_empty()
+            && self.other_laws().is_empty()
+    }
+
+    /// The validation runs had no part in finding it.
+    pub fn is_held_out(&self) -> bool {
+        self.suspected.is_none() && self.finalist.member.candidate.entry.name != LOST
     }
 
     /// What speaks against believing it, for the report.
@@ -178,8 +186,7 @@ impl Taken {
     pub fn independent_doubts(&self, is_beside_sure: bool, is_alone: bool) -> usize {
         let uneven = self.uneven().filter(|_| !self.is_reconciled());
         let is_width_alone = uneven.is_some() && self.nothing().is_some() && !self.may_be_none_on_average;
-        let is_held_out = self.suspected.is_none() && self.finalist.member.candidate.entry.name != LOST;
-        let is_checked = is_held_out && self.finalist.gain_validation >= self.threshold;
+        let is_checked = self.is_held_out() && self.finalist.gain_validation >= self.threshold;
         let is_there = is_beside_sure || (is_alone && is_checked && uneven.is_some_and(|spread| spread < 1.0));
         self.doubts().len() - usize::from(is_there && is_width_alone)
     }
