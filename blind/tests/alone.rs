@@ -3,7 +3,7 @@
 mod common;
 
 use common::{diagnosed, named, size};
-use identify::report::schema::Rejected;
+use identify::report::schema::{Rejected, Verdict};
 
 /// A car and a patch of 0.31 m with a fifth of the friction at (-0.49, -0.16) m: of the patches that are screened none lies near enough.
 #[test]
@@ -72,6 +72,19 @@ fn what_all_open_runs_show_together_is_suspected() {
     assert_eq!(named(&report), [("lens_distortion", None)]);
     assert_eq!(report.effects[0].status, "ambiguous");
     let is_told = |remark: &String| remark.contains("none are left to check it on");
+    assert!(report.remarks.iter().any(is_told), "{:?}", report.remarks);
+}
+
+/// A healthy robot whose wheels slide for a moment as its references never did. One calibration explains both, and is what the report is about.
+#[test]
+#[ignore = "one to two minutes: cargo xtask soak names"]
+fn a_calibration_that_speaks_against_a_suspect_is_taken() {
+    let report = diagnosed("none", 402, 24, &[]);
+    assert_eq!(named(&report), []);
+    assert_eq!(report.verdict, Verdict::NoDiscrepancy);
+    let is_told = |remark: &String| {
+        remark.starts_with("low_friction_patch: one calibration") && remark.contains("calibrated anew")
+    };
     assert!(report.remarks.iter().any(is_told), "{:?}", report.remarks);
 }
 

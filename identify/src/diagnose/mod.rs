@@ -269,18 +269,18 @@ fn knob_stages(knob: &Knob, candidates: &[Candidate]) -> Stages {
     }
 }
 
-fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(), DiagnoseError> {
+fn search(workers: &dyn Workers, case: &mut Case, given: &[Stages]) -> Result<(), DiagnoseError> {
     let Opening {
         mut train,
         mut validation,
         mut coarse,
         mut reference_metric,
-    } = Opening::of(workers, case, stages)?;
+    } = Opening::of(workers, case, given)?;
     let mut members: Vec<Member> = Vec::new();
     let mut kept = Kept::default();
     let mut gap = ValidationGap::default();
     let mut explained = Explained::default();
-    let mut stages = stages.to_vec();
+    let mut stages = given.to_vec();
     let mut is_asked_for_losses = false;
     let mut is_described = !case.floor.references.is_empty();
     for number in 0..MOST_ROUNDS {
@@ -489,7 +489,7 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
         kept.outdate();
     }
     case.located_unnamed.clone_from(&case.located);
-    take_suspect(
+    let alike = take_suspect(
         workers,
         case,
         &stages,
@@ -497,6 +497,10 @@ fn search(workers: &dyn Workers, case: &mut Case, stages: &[Stages]) -> Result<(
         &mut members,
         [&mut train, &mut validation],
     )?;
+    if let Some((name, floor)) = alike {
+        case.begin_again(name, floor);
+        return search(workers, case, given);
+    }
     loop {
         if case.arrived.is_empty() {
             reference_metric = opening::reference_metric(&case.floor);

@@ -1,5 +1,6 @@
 //! What a search begins with, and when it begins again.
 
+use super::arrived::Answer;
 use super::prepared::{Prepared, compared_s, enough, prepare};
 use super::{Case, DiagnoseError, hear, levels};
 use crate::floor::{Floor, Metric};
@@ -106,6 +107,7 @@ impl Case<'_> {
         self.floor = floor;
         self.taken.clear();
         self.first_scores.clear();
+        self.lost = Answer::NotAsked;
         self.has_begun_again = true;
     }
 }

@@ -8,7 +8,7 @@ use super::taken::Taken;
 use super::verdict::verdict;
 use super::{Case, DiagnoseError, TINY, hear};
 use crate::fit::{Member, with_members};
-use crate::floor::Metric;
+use crate::floor::{Floor, Metric};
 use crate::record::Stages;
 use crate::report::schema::Verdict;
 use crate::select::{Finalist, Question, Suspect};
@@ -19,7 +19,8 @@ const TOO_MANY: usize = 2;
 /// Unless it explains so much of the gap of the validation runs that without it nobody would know what they are off by.
 const MOST_OF_GAP: f64 = 0.5;
 
-/// Takes what the last round suspects, if it named nothing; the sides are under it then.
+/// Takes what the last round suspects, if it named nothing; the sides are under it then. Where there is only what one calibration of references and runs does
+/// without, the first such name and that calibration.
 pub(super) fn take_suspect(
     workers: &dyn Workers,
     case: &mut Case,
@@ -27,13 +28,13 @@ pub(super) fn take_suspect(
     reference_metric: Option<&Metric>,
     members: &mut Vec<Member>,
     [train, validation]: [&mut Prepared; 2],
-) -> Result<(), DiagnoseError> {
+) -> Result<Option<(&'static str, Floor)>, DiagnoseError> {
     let is_open = case.taken.iter().all(|taken| taken.tiny) && case.arrived.is_empty();
     let Some(stop) = case.last.as_ref().filter(|_| is_open) else {
-        return Ok(());
+        return Ok(None);
     };
     let Some(reference_metric) = reference_metric.filter(|_| !validation.records.is_empty()) else {
-        return Ok(());
+        return Ok(None);
     };
     let all = train.beside(validation, &case.floor);
     let few = all.thinned(&case.floor);
@@ -51,6 +52,7 @@ pub(super) fn take_suspect(
         seed: case.input.seed,
     };
     let mut denied: Vec<&'static str> = case.withdrawn.iter().map(|pair| pair.0).collect();
+    let mut alike = None;
     let suspect = loop {
         let found = match question.suspect(workers, stop, &denied)? {
             Some(suspect) => Some(suspect),
@@ -63,10 +65,12 @@ pub(super) fn take_suspect(
         };
         let Some(suspect) = found else { break None };
         let about = (&suspect.finalist, stop.threshold);
-        if otherwise_calibrated(workers, case, stages, &all.records, about)?.is_none() {
+        let Some(floor) = otherwise_calibrated(workers, case, stages, &all.records, about)? else {
             break Some(suspect);
-        }
-        denied.push(suspect.finalist.member.candidate.entry.name);
+        };
+        let name = suspect.finalist.member.candidate.entry.name;
+        alike = alike.or(Some((name, floor)));
+        denied.push(name);
     };
     let known = case.withdrawn.len();
     let excluded_by_alike = denied.split_off(known);
@@ -78,7 +82,7 @@ pub(super) fn take_suspect(
     }) = suspect
     else {
         case.deny(&excluded_by_alike);
-        return Ok(());
+        return Ok(alike.filter(|_| !case.has_begun_again));
     };
     let is_listed =
         |position: usize| position == finalist.position || alternatives.iter().any(|other| other.position == position);
@@ -103,7 +107,8 @@ pub(super) fn take_suspect(
     case.deny(&excluded_by_alike);
     members.push(taken.finalist.member.clone());
     case.taken.push(taken);
-    Ok(renew(workers, case, members, [train, validation])?)
+    renew(workers, case, members, [train, validation])?;
+    Ok(None)
 }
 
 /// Takes out of the model what is doubted twice (of doubts that follow from each other one counts), what one window alone speaks for, and what is suspected and has no size after all. Whether there was any.
