@@ -3,7 +3,7 @@
 use anyhow::{Context, Result, bail, ensure};
 use blind::bench::{append, lines, rescored, results_path, run_set};
 use blind::kind::Kind;
-use blind::set::{Robots, Wish};
+use blind::set::{Robots, Wish, runs_of_a_set};
 use blind::table::markdown;
 use blind::truth::Vault;
 use clap::Parser;
@@ -42,7 +42,7 @@ struct Arguments {
     /// Runs of a set beside its references; the first ones are the same with any number
     #[arg(long, default_value_t = Wish::standard().runs, value_parser = runs_of_a_set)]
     runs: usize,
-    /// References of a set, the same way [default: 4, with --quick 3]
+    /// References of a set, the same way; of halves at most three each, of many none [default: 4, with --quick 3]
     #[arg(long, value_parser = runs_of_a_set)]
     references: Option<usize>,
     /// Go on in this folder
@@ -158,14 +158,6 @@ fn run(arguments: &Arguments, shard: u64, shards: u64, out: &std::path::Path) ->
     }
     bar.finish_and_clear();
     Ok(())
-}
-
-/// From 2, which the plant's oracle looks at.
-fn runs_of_a_set(text: &str) -> Result<usize, String> {
-    match text.parse() {
-        Ok(runs) if (2..=100).contains(&runs) => Ok(runs),
-        _ => Err("a set has 2 to 100 of them".to_owned()),
-    }
 }
 
 /// Part and number of parts of `I/N`, the part from 0.

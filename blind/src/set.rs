@@ -56,19 +56,15 @@ impl Wish {
 
     /// Of words `KIND`, `KIND:EFFECT` or `KIND:EFFECT:RUNS`, as programs that look at single sets take them.
     pub fn named(text: &str) -> Result<Wish> {
-        let (kind, effect) = match text.split_once(':') {
-            Some((kind, effect)) => (kind, Some(effect)),
-            None => (text, None),
-        };
-        let (effect, runs) = match effect.and_then(|effect| effect.split_once(':')) {
-            Some((effect, runs)) => (Some(effect), Some(runs)),
-            None => (effect, None),
-        };
+        let mut words = text.split(':');
+        let kind = words.next().unwrap_or_default();
+        let effect = words.next().filter(|effect| !effect.is_empty());
         let standard = Wish::standard();
-        let runs = runs.map_or(Ok(standard.runs), |runs| {
-            let many = runs.parse().ok().filter(|runs| *runs >= ORACLE_RUNS);
-            many.ok_or_else(|| anyhow!("{text}: runs are a number from {ORACLE_RUNS}, as in single:payload:8"))
-        })?;
+        let runs = words.next().map_or(Ok(standard.runs), runs_of_a_set);
+        let runs = runs.map_err(|problem| anyhow!("{text}: {problem}, as in single:payload:8"))?;
+        if words.next().is_some() {
+            return Err(anyhow!("{text}: KIND:EFFECT:RUNS, as in single:payload:8"));
+        }
         let kind = <Kind as clap::ValueEnum>::from_str(kind, true).map_err(|error| anyhow!("kind {kind}: {error}"))?;
         Ok(Wish {
             kind: Some(kind),
@@ -125,6 +121,21 @@ pub struct Driven {
 
 /// Runs that the oracle looks at.
 const ORACLE_RUNS: usize = 2;
+/// Most runs of a set: more would be those of another day.
+const MOST_RUNS: usize = 100;
+
+/// A number of runs or of references.
+///
+/// - Errors: none, or one that no set has, in words.
+pub fn runs_of_a_set(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(runs) if (ORACLE_RUNS..=MOST_RUNS).contains(&runs) => Ok(runs),
+        _ => Err(format!(
+            "a set has {ORACLE_RUNS} to {MOST_RUNS} runs, and as many references"
+        )),
+    }
+}
+
 /// splitmix64 (Steele, Lea, Flood 2014).
 fn mixed(seed: u64, number: u64) -> u64 {
     let mut z = seed.wrapping_add(number.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15));

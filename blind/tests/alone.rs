@@ -91,7 +91,7 @@ fn a_calibration_that_speaks_against_a_suspect_is_taken() {
 /// Dry friction of a car, seen as plainly as nothing else in the currents, of sizes that differ from stretch to stretch by as much as itself.
 #[test]
 #[ignore = "one to two minutes: cargo xtask soak names"]
-fn what_explains_most_of_the_gap_of_unused_runs_is_not_left_out_for_its_doubts() {
+fn what_explains_most_of_the_gap_of_the_validation_runs_is_not_left_out_for_its_doubts() {
     let report = diagnosed("single:coulomb_friction:8", 402, 25, &["coulomb_friction"]);
     assert_eq!(named(&report), [("coulomb_friction", None)]);
     assert_eq!(report.effects[0].status, "ambiguous");

@@ -80,6 +80,15 @@ pub(super) fn reserve_losses(all: &mut [Taken], wheels: Option<Louder>) {
     }
 }
 
+/// What is found under a calibration in which the runs kept for checking had a part was not checked on them alone.
+pub(super) fn reserve_calibrated(all: &mut [Taken]) {
+    for taken in all.iter_mut().filter(|taken| !taken.tiny) {
+        let why =
+            "the runs kept for checking had a part in the calibration of tyres and floor under which it was found";
+        taken.reserved.push(why.to_owned());
+    }
+}
+
 /// Where much is left names that are not proven by themselves may stand for what is missing. Those that nothing else speaks against, in words.
 pub(super) fn doubt_beside_a_rest(all: &mut [Taken]) -> Option<String> {
     let mut names = Vec::new();

@@ -129,6 +129,8 @@ struct Case<'a> {
     lost_sigma: f64,
     /// The references were calibrated anew where an effect pointed.
     has_begun_again: bool,
+    /// What was suspected under another floor, and the present one does without; the runs kept for checking had a part in its calibration.
+    alike: Option<&'static str>,
     /// Places of a patch before those that the gap tells.
     places_given: Option<usize>,
     /// Names that unused runs spoke against, and what they said.
@@ -228,6 +230,7 @@ pub fn diagnose(workers: &dyn Workers, input: &Input) -> Result<Diagnosis, Diagn
         locked_as_sent: Vec::new(),
         lost_sigma: 0.0,
         has_begun_again: false,
+        alike: None,
         places_given: None,
         withdrawn: Vec::new(),
         remarks,
@@ -499,6 +502,7 @@ fn search(workers: &dyn Workers, case: &mut Case, given: &[Stages]) -> Result<()
     )?;
     if let Some((name, floor)) = alike {
         case.begin_again(name, floor);
+        case.alike = Some(name);
         return search(workers, case, given);
     }
     loop {

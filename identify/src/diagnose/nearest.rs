@@ -8,7 +8,7 @@ use crate::select::{Finalist, Stop};
 pub(super) fn unchecked<'a>(case: &'a Case) -> Option<&'a Finalist> {
     let found = case.last.as_ref()?.unchecked(TINY)?;
     let name = found.member.candidate.entry.name;
-    let is_denied = case.withdrawn.iter().any(|(other, _)| *other == name);
+    let is_denied = case.alike == Some(name) || case.withdrawn.iter().any(|(other, _)| *other == name);
     (!is_denied && !case.floor.has_absorbed(name)).then_some(found)
 }
 

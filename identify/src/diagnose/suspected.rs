@@ -81,8 +81,11 @@ pub(super) fn take_suspect(
         is_shown_together,
     }) = suspect
     else {
-        case.deny(&excluded_by_alike);
-        return Ok(alike.filter(|_| !case.has_begun_again));
+        if case.has_begun_again || alike.is_none() {
+            case.deny(&excluded_by_alike);
+            return Ok(None);
+        }
+        return Ok(alike);
     };
     let is_listed =
         |position: usize| position == finalist.position || alternatives.iter().any(|other| other.position == position);
@@ -163,9 +166,10 @@ pub(super) fn drop_doubtful(
     Ok(true)
 }
 
-/// Which names explain most of the gap of the validation runs, beside what the others do: known of those alone that are doubted too often.
+/// Which names explain most of the gap of the validation runs, beside what the others do, at sizes that the training runs gave: known of those alone that are
+/// doubted too often.
 ///
-/// What is suspected was fitted to these runs, and so were losses.
+/// What is suspected was fitted to the validation runs, and so were losses.
 fn seen_in_the_gap(case: &Case, members: &[Member]) -> Vec<bool> {
     let mut gap = ValidationGap::default();
     let mut is_seen = |(position, taken): (usize, &Taken)| {
@@ -177,7 +181,7 @@ fn seen_in_the_gap(case: &Case, members: &[Member]) -> Vec<bool> {
         others.remove(position);
         let models = [&others[..], members].map(|members| with_members(&case.floor.model, members));
         let explained = gap.explained(case, &models);
-        matches!(explained[..], [Some(without), Some(with)] if with >= without + MOST_OF_GAP)
+        matches!(explained[..], [Some(without), Some(with)] if with - without.max(0.0) >= MOST_OF_GAP)
     };
     case.taken.iter().enumerate().map(&mut is_seen).collect()
 }

@@ -126,7 +126,7 @@ impl Taken {
             && self.other_laws().is_empty()
     }
 
-    /// The validation runs had no part in finding it.
+    /// The validation runs had no part in its sizes.
     pub fn is_held_out(&self) -> bool {
         self.suspected.is_none() && self.finalist.member.candidate.entry.name != LOST
     }

@@ -41,7 +41,7 @@ impl Floor {
         let tread = self.model.description.tread?;
         let source = match (self.references.is_empty(), self.is_otherwise) {
             (true, _) => "training runs",
-            (false, true) => "references and training runs",
+            (false, true) => "references and runs",
             (false, false) => "references",
         };
         Some(format!(

@@ -106,25 +106,38 @@ fn told_apart(verdict: Verdict, effects: &[NamedEffect]) -> String {
         let own = effects
             .iter()
             .filter(|effect| (effect.status == "confirmed") == is_sure);
-        own.map(|effect| plain(&effect.name)).collect()
+        own.map(|effect| told(effect, effects)).collect()
     };
     let (sure, open) = (of(true), of(false));
-    let like = match (verdict, open.len()) {
-        (Verdict::Ambiguous, 0 | 1) => " or its like",
-        (Verdict::Ambiguous, _) => " or their like",
-        _ => "",
-    };
-    match (sure.is_empty(), open.is_empty()) {
-        (true, _) if like.is_empty() => format!("Missing in the twin: {}, but not proven or not all.", open.join(", ")),
-        (true, _) => format!("Missing in the twin: {}{like}; another run can tell.", open.join(", ")),
-        (false, true) => format!("Missing in the twin: {}, but not proven or not all.", sure.join(", ")),
-        (false, false) => format!(
-            "Missing in the twin: {}. Not proven beside {}: {}{like}; another run can tell.",
-            sure.join(", "),
-            if sure.len() == 1 { "it" } else { "them" },
-            open.join(", ")
-        ),
+    let is_partial = verdict == Verdict::Partial;
+    if sure.is_empty() || open.is_empty() {
+        let end = match (is_partial, effects.len() > 1) {
+            (true, _) => ", but not proven or not all.",
+            (false, true) => "; these runs cannot tell for sure, another run can.",
+            (false, false) => "; another run can tell.",
+        };
+        return format!("Missing in the twin: {}{end}", [sure, open].concat().join(", "));
     }
+    format!(
+        "Missing in the twin: {}. Not proven beside {}: {}; another run can tell.{}",
+        sure.join(", "),
+        if sure.len() == 1 { "it" } else { "them" },
+        open.join(", "),
+        if is_partial { " More may be missing." } else { "" }
+    )
+}
+
+/// A name, with its wheel where there are several of it, and that it may be another one.
+fn told(effect: &NamedEffect, effects: &[NamedEffect]) -> String {
+    let mut text = plain(&effect.name);
+    let is_twice = effects.iter().filter(|other| other.name == effect.name).count() > 1;
+    if let Some(index) = effect.index.filter(|_| is_twice) {
+        text.push_str(&format!(" of wheel {index}"));
+    }
+    if !effect.alternatives.is_empty() {
+        text.push_str(" or its like");
+    }
+    text
 }
 
 /// What names do to a gap: of all of it and of more no more is said than of all.
@@ -145,35 +158,45 @@ mod tests {
 
     #[test]
     fn what_is_confirmed_is_told_apart_from_what_is_not() {
-        let effect = |name: &str, status: &str| -> NamedEffect {
-            serde_json::from_value(
-                serde_json::json!({"name": name, "status": status, "index": null, "alternatives": [],
+        let effect = |name: &str, status: &str, index: Option<usize>, alternatives: &[&str]| -> NamedEffect {
+            let value = serde_json::json!({"name": name, "status": status, "index": index, "alternatives": alternatives,
                 "parameters": [], "evidence": {"gain": 1.0, "threshold": 1.0, "stability": 1.0, "gain_validation": 1.0},
-                "excluded": [], "sentence": ""}),
-            )
-            .expect("an effect")
+                "excluded": [], "sentence": ""});
+            serde_json::from_value(value).expect("an effect")
         };
-        let limit = || effect("acceleration_limit", "confirmed");
-        let clock = || effect("clock_offset", "ambiguous");
-        let said = |verdict, effects: &[NamedEffect]| verdict_sentence(verdict, effects, Some(0.9), "", None, true);
-        assert_eq!(
-            said(Verdict::Ambiguous, &[clock(), limit()]),
-            "Missing in the twin: acceleration limit. Not proven beside it: clock offset or its like; another run can tell. \
-             Together they explain 90 % of the gap on runs that were not used."
-        );
-        assert_eq!(
-            said(Verdict::Partial, &[limit(), clock()]),
-            "Missing in the twin: acceleration limit. Not proven beside it: clock offset; another run can tell. \
-             Together they explain 90 % of the gap on runs that were not used."
-        );
-        assert_eq!(
-            said(Verdict::Partial, &[limit()]),
-            "Missing in the twin: acceleration limit, but not proven or not all. It explains 90 % of the gap on runs that were not used."
-        );
-        assert_eq!(
-            said(Verdict::Ambiguous, &[clock()]),
-            "Missing in the twin: clock offset or its like; another run can tell. It explains 90 % of the gap on runs that were not used."
-        );
+        let limit = || effect("acceleration_limit", "confirmed", None, &[]);
+        let clock = || effect("clock_offset", "ambiguous", None, &["command_delay"]);
+        let motor = |status: &str, wheel: usize| effect("weak_motor", status, Some(wheel), &[]);
+        let said = |verdict, effects: &[NamedEffect]| verdict_sentence(verdict, effects, None, "", None, true);
+        for (verdict, effects, words) in [
+            (
+                Verdict::Ambiguous,
+                vec![clock(), limit()],
+                "acceleration limit. Not proven beside it: clock offset or its like; another run can tell.",
+            ),
+            (
+                Verdict::Partial,
+                vec![motor("confirmed", 0), limit(), motor("ambiguous", 2)],
+                "weak motor of wheel 0, acceleration limit. Not proven beside them: weak motor of wheel 2; another run can tell. More may be missing.",
+            ),
+            (
+                Verdict::Partial,
+                vec![limit()],
+                "acceleration limit, but not proven or not all.",
+            ),
+            (
+                Verdict::Ambiguous,
+                vec![clock()],
+                "clock offset or its like; another run can tell.",
+            ),
+            (
+                Verdict::Ambiguous,
+                vec![limit(), motor("confirmed", 0)],
+                "acceleration limit, weak motor; these runs cannot tell for sure, another run can.",
+            ),
+        ] {
+            assert_eq!(said(verdict, &effects), format!("Missing in the twin: {words}"));
+        }
     }
 
     #[test]
