@@ -112,6 +112,13 @@ pub(super) fn next_experiment(
         };
         return Some(pick(name, why));
     }
+    if let (Verdict::Unexplained, Some(name)) = (verdict, case.alike) {
+        let plain = name.replace('_', " ");
+        return Some(pick(
+            name,
+            format!("shows whether it is {plain}: another calibration does without it, and leaves a gap"),
+        ));
+    }
     if verdict == Verdict::Partial {
         return Some(NextExperiment {
             why: "shows the gap once more, to prove the effect on runs that were not used".to_owned(),
