@@ -7,6 +7,7 @@ use crate::report::schema::Region;
 /// Contrast between the loudest and the mean bin from which a variable is worth telling.
 const CONTRAST: f64 = 1.8;
 
+/// - `runs`: how many were searched; those kept for checking are not located.
 pub(super) fn sentence(located: &Located, runs: usize) -> String {
     let Some((class, share)) = located.channels.first().filter(|(_, share)| *share > 0.0) else {
         return "No gap above the floor.".to_owned();
@@ -36,9 +37,9 @@ pub(super) fn sentence(located: &Located, runs: usize) -> String {
     let mut with: Vec<&str> = located.segments.iter().map(|segment| segment.run.as_str()).collect();
     with.dedup();
     parts.push(if with.len() >= runs {
-        "in all runs".to_owned()
+        "in all runs searched".to_owned()
     } else {
-        format!("in {} of {runs} runs", with.len())
+        format!("in {} of {runs} runs searched", with.len())
     });
     let mut text = parts.join(", ");
     text.push('.');
@@ -55,6 +56,13 @@ fn contrast(region: &Region) -> (f64, usize) {
         }
     }
     (best.0 / mean.max(1e-9), best.1)
+}
+
+/// Most of it is on a part of the floor, and twice what that part would have by its size.
+///
+/// - `share`, `cells`: of the gap and of the cells that lie there.
+fn is_concentrated(share: f64, cells: f64) -> bool {
+    share > 0.6 && share > 2.0 * cells
 }
 
 /// Everywhere, or around a place.
@@ -76,9 +84,26 @@ fn on_the_floor(located: &Located) -> String {
         .map(|k| (map.energy[k] - 1.0).max(0.0))
         .sum();
     let cells = (0..map.energy.len()).filter(|k| near(*k)).count() as f64 / map.energy.len().max(1) as f64;
-    if total > 0.0 && inside / total > 0.6 && cells < 0.3 {
+    if total > 0.0 && is_concentrated(inside / total, cells) {
         format!("within 0.5 m of ({x:.1}, {y:.1})")
     } else {
         "everywhere on the floor".to_owned()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_place_has_most_of_the_gap_and_twice_its_part_of_the_floor() {
+        assert!(
+            is_concentrated(0.88, 0.33),
+            "a slippery spot on a third of what little was driven on"
+        );
+        assert!(is_concentrated(0.61, 0.29));
+        assert!(!is_concentrated(0.61, 0.31), "hardly more than elsewhere");
+        assert!(!is_concentrated(0.5, 0.1), "half of it is elsewhere");
+        assert!(!is_concentrated(1.0, 0.6), "the robot was hardly anywhere else");
     }
 }
