@@ -357,3 +357,28 @@ impl Set {
         &self.changed.sensing
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn wishes_are_named_by_kind_effect_and_runs() {
+        let wish = |text: &str| Wish::named(text).map(|wish| (wish.effect, wish.runs));
+        assert_eq!(wish("none").expect("a kind"), (None, 6));
+        assert_eq!(
+            wish("single:payload:8").expect("a wish"),
+            (Some("payload".to_owned()), 8)
+        );
+        assert_eq!(wish("none::8").expect("no effect"), (None, 8));
+        for (text, problem) in [
+            ("single:payload:1", "2 to 100"),
+            ("single:payload:101", "2 to 100"),
+            ("single:payload:8:9", "KIND:EFFECT:RUNS"),
+            ("sngle", "kind sngle"),
+        ] {
+            let error = wish(text).expect_err(text).to_string();
+            assert!(error.contains(problem), "{text}: {error}");
+        }
+    }
+}

@@ -99,6 +99,7 @@ fn a_right_name_counts_with_its_error_interval_and_channel() {
     assert_eq!(one(&facts, "in_set"), Some(1.0));
     assert_eq!(one(&facts, "in_set_loud"), Some(1.0));
     assert_eq!(one(&facts, "in_set_middle"), None);
+    assert_eq!(one(&facts, "in_set_faint"), None);
     assert_eq!(one(&facts, "set_size"), Some(1.0));
     assert_eq!(one(&facts, "wrong_confirmed"), Some(0.0));
     assert!(one(&facts, "parameter_error").is_some_and(|error| (error - 0.05).abs() < 1e-12));
@@ -281,4 +282,22 @@ fn halves_and_rounds() {
     rounds[1].gap[0].before = 0.11;
     let facts = score(&sealed(Kind::Rounds, truth), &rounds, &never);
     assert_eq!(one(&facts, "gap_rose"), Some(1.0));
+}
+
+#[test]
+fn what_is_in_the_set_is_counted_by_how_far_it_shows() {
+    for (ratio, metric) in [(2.0, "in_set_loud"), (1.9, "in_set_middle"), (0.9, "in_set_faint")] {
+        let sealed = sealed(Kind::Single, vec![known("gyro_bias", None, &[("bias", 0.02)], ratio)]);
+        let named = effect("gyro_bias", None, &[], &[("bias", 0.02, 0.01, 0.03)]);
+        let facts = score(&sealed, &[report("confirmed", &[named], &[], &["pose"])], &never);
+        assert_eq!(one(&facts, metric), Some(1.0));
+        let facts = score(&sealed, &[report("unexplained", &[], &[], &["pose"])], &never);
+        assert_eq!(one(&facts, metric), Some(0.0));
+        let rows = ["in_set_loud", "in_set_middle", "in_set_faint"];
+        assert_eq!(
+            rows.iter().filter(|row| facts.contains_key(**row)).count(),
+            1,
+            "{ratio}"
+        );
+    }
 }

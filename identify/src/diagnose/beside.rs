@@ -137,6 +137,20 @@ mod tests {
     }
 
     #[test]
+    fn under_a_calibration_of_all_open_runs_names_are_told_why_they_are_not_confirmed() {
+        let mut all = [Taken::sample(OFFSET, 40.0), Taken::sample("gyro_bias", 40.0)];
+        all[1].tiny = true;
+        reserve_calibrated(&mut all);
+        let told = all[0].reservations();
+        assert!(
+            matches!(&told[..], [one] if one.contains("had a part in the calibration")),
+            "{told:?}"
+        );
+        assert!(!all[0].is_proven(), "whatever it gains");
+        assert!(all[1].reservations().is_empty(), "calibration itself");
+    }
+
+    #[test]
     fn what_may_be_none_is_not_confirmed_beside_what_explains_more() {
         let wide = |thresholds: f64| Taken {
             may_be_none: true,

@@ -150,3 +150,25 @@ pub(super) fn gap_chart(channel: &str, gaps: &[Gap]) -> String {
     ));
     svg
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn labels_of_bars_are_as_small_as_the_longest_needs() {
+        let drawn = |label: &str| {
+            let values: Vec<(String, f64)> = (0..8).map(|_| (label.to_owned(), 1.0)).collect();
+            bars("share", &values, None)
+        };
+        assert!(drawn("-0.5").contains("font-size:11.0px"));
+        let letters = "steering".len() as f64;
+        let size = drawn("steering");
+        let size = size.split("font-size:").nth(1).and_then(|rest| rest.split("px").next());
+        let size: f64 = size.and_then(|size| size.parse().ok()).expect("a size");
+        assert!(
+            size > 6.0 && size * WIDTH_OF_LETTER * letters < (WIDTH - 2.0 * LEFT) / 8.0,
+            "{size}"
+        );
+    }
+}
