@@ -1,8 +1,8 @@
 //! What a matched filter would see of the single effects of a bench: somebody who knows direction and size of the true change, and has nothing but the
 //! diagnosis's windows, noise and everyday differences. Beside it stands what the diagnosis made of them.
 //!
-//! `cargo run --release -p blind --example reach -- FOLDER [PART/PARTS]`: a folder of whole results of `cargo xtask blind`. With a part only every
-//! so manieth set is looked at.
+//! `cargo run --release -p blind --example reach -- FOLDER [PART/PARTS [KIND]]`: a folder of whole results of `cargo xtask blind`. With a part only every
+//! so manieth set is looked at; sets of one effect of another kind (`shifted`, `closed`) with its name.
 
 use anyhow::{Context, Result, ensure};
 use blind::bench::{Line, lines};
@@ -11,6 +11,7 @@ use blind::kind::Kind;
 use blind::reach::Reach;
 use blind::score::DESCRIBED;
 use blind::set::{Set, Wish};
+use clap::ValueEnum;
 use std::path::Path;
 use twin::effect::library::LIBRARY;
 
@@ -40,8 +41,8 @@ struct Seen {
 }
 
 /// `None` for effects that are not detectable or that the library does not describe.
-fn seen(line: &Line, seed: u64) -> Result<Option<Seen>> {
-    let set = Set::new(seed, line.set, &Wish::standard())?;
+fn seen(line: &Line, seed: u64, wish: &Wish) -> Result<Option<Seen>> {
+    let set = Set::new(seed, line.set, wish)?;
     let driven = set.driven(0)?;
     let Some(known) = driven.known.first() else {
         return Ok(None);
@@ -50,7 +51,13 @@ fn seen(line: &Line, seed: u64) -> Result<Option<Seen>> {
         return Ok(None);
     }
     let fact = |name: &str| line.facts.get(name).and_then(|all| all.first()) == Some(&1.0);
-    let (is_first, is_in_set) = (fact("right_first"), fact("in_set"));
+    // Facts of other kinds than single sets have the kind behind their names.
+    let kind = line
+        .kind
+        .to_possible_value()
+        .map_or_else(String::new, |kind| kind.get_name().to_owned());
+    let of_kind = |name: &str| fact(name) || fact(&format!("{name}_{kind}"));
+    let (is_first, is_in_set) = (of_kind("right_first"), of_kind("in_set"));
     let missed = if is_in_set { "" } else { "  MISSED" };
     let (number, chassis, name) = (line.set, &line.chassis, &known.drawn.name);
     if known.described < DESCRIBED || name == LOST {
@@ -88,30 +95,38 @@ fn part(text: Option<&String>) -> Result<(u64, u64)> {
     Ok((part - 1, parts))
 }
 
-/// The seed of a folder of sets as they are without wishes.
-fn seed_of(folder: &Path) -> Result<u64> {
+/// Seed and wish of a folder of sets as they are without wishes, or all of a kind.
+fn sets_of(folder: &Path, kind: Kind) -> Result<(u64, Wish)> {
     let path = folder.join("settings.txt");
     let text = std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
     let seed = text.strip_prefix("seed ").and_then(|rest| rest.split(' ').next());
     let seed: u64 = seed.context("settings.txt names no seed")?.parse()?;
-    let wanted = format!("seed {seed} {:?}\n", Wish::standard());
-    ensure!(text == wanted, "{} is of other sets: {text}", folder.display());
-    Ok(seed)
+    let wishes = [None, Some(kind)].map(|kind| Wish {
+        kind,
+        ..Wish::standard()
+    });
+    let wish = wishes
+        .into_iter()
+        .find(|wish| text == format!("seed {seed} {wish:?}\n"));
+    let wish = wish.with_context(|| format!("{} is of other sets: {text}", folder.display()))?;
+    Ok((seed, wish))
 }
 
 fn main() -> Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let folder = Path::new(arguments.first().context("FOLDER [PART/PARTS]")?);
-    let seed = seed_of(folder)?;
+    let folder = Path::new(arguments.first().context("FOLDER [PART/PARTS [KIND]]")?);
     let (part, parts) = part(arguments.get(1))?;
+    let name = arguments.get(2).map_or("single", String::as_str);
+    let kind = Kind::from_str(name, true).map_err(anyhow::Error::msg)?;
+    let (seed, wish) = sets_of(folder, kind)?;
     println!(
         "gains {}; then of each run alone (and what its measurements give)",
         LEVELS.join("; ")
     );
     let mut all = Vec::new();
     for line in lines(folder)? {
-        if line.kind == Kind::Single && line.error.is_none() && line.set % parts == part {
-            all.extend(seen(&line, seed)?);
+        if line.kind == kind && line.error.is_none() && line.set % parts == part {
+            all.extend(seen(&line, seed, &wish)?);
         }
     }
     println!(

@@ -4,7 +4,7 @@ mod plant;
 mod threads;
 
 use identify::diagnose::{Run, calibrated_floor};
-use identify::floor::Floor;
+use identify::floor::{Floor, Named};
 use identify::hypothesis::{Knob, realised};
 use identify::record::{Record, Stages};
 use plant::replayed::of_the_twin_with;
@@ -51,10 +51,14 @@ fn runs(first_seed: u64, effects: &[Effect]) -> Vec<Run> {
 ///
 /// - `least`: gain that an effect needs.
 fn alike(floor: &Floor, runs: &[Run], scale: f64, least: f64) -> Option<f64> {
-    let effect = Effect::new("floor_friction", &[("scale", scale)]);
+    let named = Named {
+        with: &[Effect::new("floor_friction", &[("scale", scale)])],
+        without: &[],
+        scale,
+    };
     let records: Vec<Record> = runs.iter().map(|run| Record::of(&run.path, &run.bundle)).collect();
     let stages = vec![Stages::BOTH; floor.knobs.len()];
-    let found = floor.alike(&Threads(2), &stages, &records, (&effect, scale), least);
+    let found = floor.alike(&Threads(2), &stages, &records, named, least);
     let found = found.unwrap_or_else(|error| panic!("{error}"));
     found.map(|found| found.model.description.floor_friction / robot(CHASSIS).floor_friction)
 }

@@ -43,7 +43,7 @@ use crate::record::{Record, Stages};
 use crate::report::Report;
 use crate::screen::{Score, all_residuals};
 use crate::select::{Explained, Kept, Role, Round, Stop, decrease, energies, roles, round};
-use crate::workers::Workers;
+use crate::workers::{Cancelled, Workers};
 use absorb::absorb_one;
 use arrived::{Answer, Question};
 use described::described;
@@ -52,7 +52,7 @@ use exchange::Exchange;
 use final_fit::finish;
 use gap_table::ValidationGap;
 use louder::Compared;
-use opening::{ALIKE, Opening, otherwise_calibrated};
+use opening::{ALIKE, Opening, otherwise_calibrated, otherwise_calibrated_beside};
 use prepared::{Prepared, Whole, enough};
 use suspected::{drop_doubtful, take_suspect};
 use taken::Taken;
@@ -198,10 +198,7 @@ pub fn diagnose(workers: &dyn Workers, input: &Input) -> Result<Diagnosis, Diagn
     } else {
         let mut floor = Floor::calibrated(workers, given, knobs, &stages, references)?;
         if floor.is_driven_otherwise(&train) {
-            remarks.push(
-                "the runs are driven harder than the references: tyres, the floor's friction and how far laws are off in harsh moments are taken from the runs; references driven as hard would show weaker effects".to_owned(),
-            );
-            floor.shown_by_runs(workers, &stages, enough(train))?;
+            remarks.push(floor.shown_by_runs(workers, &stages, enough(train))?.to_owned());
         }
         floor
     };
@@ -393,7 +390,7 @@ fn search(workers: &dyn Workers, case: &mut Case, given: &[Stages]) -> Result<()
             continue;
         };
         let about = (&stop.finalists[accepted], stop.threshold);
-        if let Some(floor) = otherwise_calibrated(workers, case, &stages, &train.records, about)? {
+        if let Some(floor) = otherwise_calibrated(workers, case, &stages, &train.records, &members, about)? {
             if case.has_begun_again || number + 1 == MOST_ROUNDS {
                 let finalist = &mut stop.finalists[accepted];
                 finalist.because = Some(ALIKE.to_owned());
@@ -491,6 +488,10 @@ fn search(workers: &dyn Workers, case: &mut Case, given: &[Stages]) -> Result<()
         coarse = train.thinned(&case.floor);
         kept.outdate();
     }
+    if let Some((name, floor)) = otherwise_calibrated_beside(workers, case, &stages, &train.records, &members)? {
+        case.begin_again(name, floor);
+        return search(workers, case, given);
+    }
     case.located_unnamed.clone_from(&case.located);
     let alike = take_suspect(
         workers,
@@ -508,6 +509,10 @@ fn search(workers: &dyn Workers, case: &mut Case, given: &[Stages]) -> Result<()
     loop {
         if case.arrived.is_empty() {
             reference_metric = opening::reference_metric(&case.floor);
+            if case.floor.hears_runs() {
+                let [train, validation] = unnamed(workers, &case.floor, [&train, &validation])?;
+                levels(case, reference_metric.as_ref(), &train, &validation);
+            }
             case.energies.name(&train, &validation);
             case.levels.after = compared(&case.floor, reference_metric.as_ref(), &train, &validation);
         } else {
@@ -521,6 +526,18 @@ fn search(workers: &dyn Workers, case: &mut Case, given: &[Stages]) -> Result<()
         }
         case.located.clone_from(&case.located_unnamed);
     }
+}
+
+/// The runs before anything was named, in the noise that is heard now: it was louder while nothing explained what is named.
+fn unnamed(
+    workers: &dyn Workers,
+    floor: &Floor,
+    [train, validation]: [&Prepared; 2],
+) -> Result<[Prepared; 2], Cancelled> {
+    Ok([
+        train.under(workers, floor, &floor.model)?,
+        validation.under(workers, floor, &floor.model)?,
+    ])
 }
 
 /// Levels of the references, and of training and validation runs.

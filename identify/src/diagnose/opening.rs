@@ -3,12 +3,14 @@
 use super::arrived::Answer;
 use super::prepared::{Prepared, compared_s, enough, prepare};
 use super::{Case, DiagnoseError, hear, levels};
-use crate::floor::{Floor, Metric};
+use crate::fit::Member;
+use crate::floor::{Floor, Metric, Named};
 use crate::hypothesis::{Candidate, Column};
 use crate::locate::{Located, locate};
 use crate::record::{Record, Stages};
 use crate::select::{Finalist, PLACE, Role};
 use crate::workers::Workers;
+use twin::effect::Effect;
 
 /// Training and validation runs under the floor's model.
 pub(super) struct Opening {
@@ -47,25 +49,86 @@ pub(super) fn reference_metric(floor: &Floor) -> Option<Metric> {
 /// Why an effect is not named that one calibration does without.
 pub(super) const ALIKE: &str = "one calibration of tyres and floor explains references and runs as well";
 
-/// Tyres and a floor that explain references and runs alike as well as what is about to be named on the floor: then the calibration was wrong, and the runs
-/// are those of a healthy robot.
+/// Tyres and a floor that explain references and runs alike as well as what is about to be named on the floor: then the calibration was wrong, and the floor is that
+/// of a healthy robot.
+///
+/// - `members`: all that is named so far.
 pub(super) fn otherwise_calibrated(
     workers: &dyn Workers,
     case: &Case,
     stages: &[Stages],
     runs: &[Record],
+    members: &[Member],
     (finalist, threshold): (&Finalist, f64),
 ) -> Result<Option<Floor>, DiagnoseError> {
-    let values = &finalist.member.values;
+    let without = effects(members);
+    let with = match &finalist.joint[..] {
+        [] => [&without[..], &[finalist.effect()]].concat(),
+        joint => effects(joint),
+    };
+    asked(
+        workers,
+        case,
+        stages,
+        runs,
+        &finalist.member,
+        [&with, &without],
+        threshold,
+    )
+}
+
+/// The same of names on the floor that others were named after: what was better than one calibration without these need not be with them. The first such name.
+pub(super) fn otherwise_calibrated_beside(
+    workers: &dyn Workers,
+    case: &Case,
+    stages: &[Stages],
+    runs: &[Record],
+    members: &[Member],
+) -> Result<Option<(&'static str, Floor)>, DiagnoseError> {
+    if case.has_begun_again || members.len() != case.taken.len() {
+        return Ok(None);
+    }
+    for (position, (member, taken)) in members.iter().zip(&case.taken).enumerate() {
+        let is_followed = case.taken[position + 1..].iter().any(|later| !later.tiny);
+        if taken.tiny || !is_followed {
+            continue;
+        }
+        let mut others = members.to_vec();
+        others.remove(position);
+        let lists = [&effects(members)[..], &effects(&others)];
+        if let Some(floor) = asked(workers, case, stages, runs, member, lists, taken.threshold)? {
+            return Ok(Some((member.candidate.entry.name, floor)));
+        }
+    }
+    Ok(None)
+}
+
+fn effects(members: &[Member]) -> Vec<Effect> {
+    let of = |member: &Member| member.candidate.effect(&member.values);
+    members.iter().map(of).collect()
+}
+
+/// - `member`: what is asked about; `None` for what does not act on the floor.
+/// - `[with, without]`: all effects of the runs with it, and without.
+fn asked(
+    workers: &dyn Workers,
+    case: &Case,
+    stages: &[Stages],
+    runs: &[Record],
+    member: &Member,
+    [with, without]: [&[Effect]; 2],
+    threshold: f64,
+) -> Result<Option<Floor>, DiagnoseError> {
+    let values = &member.values;
     let friction = case.floor.model.description.floor_friction;
-    let name = finalist.member.candidate.entry.name;
+    let name = member.candidate.entry.name;
     let scale = match name {
         "floor_friction" => values[0],
         PLACE => values[3],
         "lateral_slip" => values[0] / friction,
         _ => return Ok(None),
     };
-    if case.taken.iter().any(|taken| !taken.tiny) || !case.arrived.is_empty() {
+    if !case.arrived.is_empty() {
         return Ok(None);
     }
     // A place is met by few windows: none of them is left out.
@@ -76,8 +139,8 @@ pub(super) fn otherwise_calibrated(
     let seconds =
         |records: &[Record]| -> f64 { records.iter().flat_map(|record| &record.windows).map(compared_s).sum() };
     let least = threshold * seconds(&few) / seconds(runs).max(1e-9);
-    let floor = &case.floor;
-    Ok(floor.alike(workers, stages, &few, (&finalist.effect(), scale), least)?)
+    let named = Named { with, without, scale };
+    Ok(case.floor.alike(workers, stages, &few, named, least)?)
 }
 
 impl Case<'_> {

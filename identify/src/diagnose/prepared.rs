@@ -14,6 +14,7 @@ const LONG_S: f64 = 120.0;
 const ENOUGH_S: f64 = 80.0;
 
 /// Residuals, knob sensitivities and the product of some records.
+#[derive(Clone)]
 pub(super) struct Prepared {
     pub records: Vec<Record>,
     pub residuals: Vec<Vec<f64>>,
@@ -35,6 +36,13 @@ impl Prepared {
         }
         self.weigh(floor);
         Ok(())
+    }
+
+    /// The same under another model.
+    pub fn under(&self, workers: &dyn Workers, floor: &Floor, model: &Hypothesis) -> Result<Prepared, Cancelled> {
+        let mut own = self.clone();
+        own.renew(workers, floor, model)?;
+        Ok(own)
     }
 
     /// The floor's present weights.

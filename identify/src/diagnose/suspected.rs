@@ -65,7 +65,7 @@ pub(super) fn take_suspect(
         };
         let Some(suspect) = found else { break None };
         let about = (&suspect.finalist, stop.threshold);
-        let Some(floor) = otherwise_calibrated(workers, case, stages, &all.records, about)? else {
+        let Some(floor) = otherwise_calibrated(workers, case, stages, &all.records, members, about)? else {
             break Some(suspect);
         };
         let name = suspect.finalist.member.candidate.entry.name;

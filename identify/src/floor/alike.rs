@@ -2,7 +2,7 @@
 //!
 //! How hard tyres hold, how far they slide and how slippery the floor is are told by the same few moments, and references have few of them. Calibrated on these, a
 //! healthy robot may be wrong in others, which runs then show, and less friction explains them. So the tyres and the friction are fitted to references and runs
-//! together, once alike everywhere and once with the effect in the runs: an effect that is no better is the calibration's.
+//! together, once alike everywhere and once with the effect in the runs, what else is named in both: an effect that is no better is the calibration's.
 
 use super::Floor;
 use super::otherwise::{BELIEVABLE, is_shown_in_harsh_moments};
@@ -24,27 +24,37 @@ const HOPE: f64 = 4.0;
 /// What is held may move by, practical sizes.
 const HELD_TO: f64 = 1e-3;
 
-/// References and runs under one calibration of tyres and friction, the runs with an effect or without.
+/// What the runs are said to have that the references do not.
+#[derive(Debug, Clone, Copy)]
+pub struct Named<'a> {
+    /// All that is named, with what is about to be named on the floor.
+    pub with: &'a [Effect],
+    /// All that is named so far.
+    pub without: &'a [Effect],
+    /// Of the friction, as the effect has it.
+    pub scale: f64,
+}
+
+/// References and runs under one calibration of tyres and friction, the runs with effects.
 #[derive(Clone)]
 struct Together {
     /// Its references are all records, those of the runs behind `unchanged` others.
     floor: Floor,
     unchanged: usize,
-    effect: Option<Effect>,
+    effects: Vec<Effect>,
 }
 
 impl Floor {
     /// Tyres and friction with which one robot explains references and runs alike as well as the effect does, and the references calibrated anew with them;
-    /// `None` when the effect is better by `least`, or the floor would have to be further from what is described than a description can be off by.
+    /// `None` when the effect is better by `least`, the references speak against it, or the floor would have to be further from what is described than a description can be
+    /// off by.
     ///
-    /// - `effect`: of the runs, with its sizes.
-    /// - `scale`: of the friction, as the effect has it.
     pub fn alike(
         &self,
         workers: &dyn Workers,
         stages: &[Stages],
         runs: &[Record],
-        (effect, scale): (&Effect, f64),
+        named: Named,
         least: f64,
     ) -> Result<Option<Floor>, Cancelled> {
         let friction = self.knobs.iter().position(Knob::is_friction);
@@ -60,10 +70,10 @@ impl Floor {
         let Knob::Parameter { practical, .. } = self.knobs[friction] else {
             return Ok(None);
         };
-        let there = ((1.0 + practical * self.values[friction]) * scale - 1.0) / practical;
-        let mut alike = Together::of(self, &open, runs, None);
+        let there = ((1.0 + practical * self.values[friction]) * named.scale - 1.0) / practical;
+        let mut alike = Together::of(self, &open, runs, named.without);
         let mut moved = alike.clone();
-        let mut with = Together::of(self, &open, runs, Some(effect.clone()));
+        let mut with = Together::of(self, &open, runs, named.with);
         with.begin(workers)?;
         if !with.surprise().is_finite() {
             return Ok(None);
@@ -73,29 +83,29 @@ impl Floor {
         let is_hopeless = |now: f64, promised: f64| is_out_of_reach(now, promised, goal);
         alike.fit(workers, None, is_hopeless)?;
         moved.fit(workers, Some((k, there)), is_hopeless)?;
-        if moved.surprise() < alike.surprise() {
+        let is_believable = |together: &Together| together.floor.values[k].abs() <= BELIEVABLE;
+        if moved.surprise() < alike.surprise() && is_believable(&moved) >= is_believable(&alike) {
             alike = moved;
         }
         let best = alike.surprise();
         with.fit(workers, None, |now, _| best - now > least)?;
         let apart = best - with.surprise();
-        let is_believable = alike.floor.values[k].abs() <= BELIEVABLE;
-        if !apart.is_finite() || apart > least || !is_believable {
+        if !apart.is_finite() || apart > least || !is_believable(&alike) {
             return Ok(None);
         }
         let mut own = self.clone();
         own.absorbed.clear();
         own.references = self.references.iter().map(Record::trusted).collect();
-        own.is_otherwise = true;
+        (own.is_otherwise, own.is_of_runs) = (true, true);
         let held: Vec<(usize, f64)> = open.iter().copied().zip(alike.floor.values).collect();
         own.hold(workers, stages, &held)?;
         let is_held = held.iter().all(|(k, value)| (own.values[*k] - value).abs() < HELD_TO);
-        Ok(is_held.then_some(own))
+        Ok((is_held && !self.refutes(&own)).then_some(own))
     }
 }
 
 impl Together {
-    fn of(floor: &Floor, open: &[usize], runs: &[Record], effect: Option<Effect>) -> Together {
+    fn of(floor: &Floor, open: &[usize], runs: &[Record], effects: &[Effect]) -> Together {
         let mut others = floor.values.clone();
         open.iter().for_each(|k| others[*k] = 0.0);
         let given = realised(&floor.given, &floor.knobs, &others);
@@ -109,7 +119,7 @@ impl Together {
         Together {
             floor: own,
             unchanged: floor.references.len(),
-            effect,
+            effects: effects.to_vec(),
         }
     }
 
@@ -121,12 +131,10 @@ impl Together {
         }
     }
 
-    /// With the effect, where there is one.
+    /// With the effects of the runs.
     fn changed(&self, model: &Hypothesis) -> Hypothesis {
-        match &self.effect {
-            Some(effect) => model.with(effect.clone()),
-            None => model.clone(),
-        }
+        let effects = self.effects.iter().cloned();
+        effects.fold(model.clone(), |model, effect| model.with(effect))
     }
 
     fn simulated(&self, workers: &dyn Workers, values: &[f64]) -> Result<Option<Vec<Vec<f64>>>, Cancelled> {

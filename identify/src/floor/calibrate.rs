@@ -50,8 +50,10 @@ pub struct Floor {
     pub noise: NoiseModel,
     /// The same before runs that are driven otherwise were heard.
     pub(super) noise_of_references: NoiseModel,
-    /// References were driven otherwise than the runs, and what they cannot show was taken from these.
+    /// References were driven otherwise than the runs, whose noise is heard.
     pub(super) is_otherwise: bool,
+    /// Tyres and the floor's friction are those that the runs show as well.
+    pub(super) is_of_runs: bool,
     /// What is known of the knobs before the calibration.
     pub(super) prior: Vec<Prior>,
     /// What a calibration measures residuals by: the stated noise, or what half of the cells exceeded before it.
@@ -123,6 +125,7 @@ impl Floor {
             noise: NoiseModel::prior(&given.description),
             noise_of_references: NoiseModel::prior(&given.description),
             is_otherwise: false,
+            is_of_runs: false,
             prior: knobs.iter().map(prior).collect(),
             yardstick: NoiseModel::prior(&given.description),
             model: given.clone(),

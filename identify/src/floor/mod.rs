@@ -11,6 +11,7 @@ mod otherwise;
 mod start;
 mod variation;
 
+pub use alike::Named;
 pub use calibrate::{Floor, knob_changes};
 pub use description::{Estimate, Said};
 pub use doubt::LOUDEST;

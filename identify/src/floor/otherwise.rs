@@ -17,6 +17,14 @@ pub(super) const BELIEVABLE: f64 = 2.0;
 /// Without references an effect has to be larger, practical sizes.
 const UNDESCRIBED: f64 = 2.0;
 
+/// By how much less likely references may be with tyres and a floor that runs show: about what a name has to explain.
+const REFUTED: f64 = 40.0;
+
+/// What is done where references were driven less hard than the runs.
+const HARDER: &str = "the runs are driven harder than the references: tyres, the floor's friction and how far laws are off in harsh moments are taken from the runs; references driven as hard would show weaker effects";
+/// The same where the references know other tyres.
+const HARDER_AND_CHANGED: &str = "the runs are driven harder than the references: how far laws are off in harsh moments is taken from the runs; tyres and the floor's friction are not, since the references speak against those that the runs show, so something has changed; references driven as hard would show weaker effects";
+
 /// What is known of a knob before a calibration, in practical sizes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Prior {
@@ -58,14 +66,14 @@ impl Floor {
         !self.references.is_empty() && share.is_some_and(|share| share > OTHERWISE)
     }
 
-    /// Tyres and the floor's friction as runs show them, and the references calibrated anew with these. From then on the runs'
-    /// noise is heard as well ([`Floor::hear`]).
+    /// Tyres and the floor's friction as runs show them, and the references calibrated anew with these; when the references speak against them their own stay. From then
+    /// on the runs' noise is heard as well ([`Floor::hear`]). What was done, in words.
     pub fn shown_by_runs(
         &mut self,
         workers: &dyn Workers,
         stages: &[Stages],
         runs: Vec<Record>,
-    ) -> Result<(), Cancelled> {
+    ) -> Result<&'static str, Cancelled> {
         self.is_otherwise = true;
         let known = self.values.iter().enumerate().map(|(k, mean)| Prior {
             mean: *mean,
@@ -88,7 +96,21 @@ impl Floor {
                 (k, if is_believable { *there } else { *here })
             })
             .collect();
-        self.hold(workers, stages, &held)
+        let mut own = self.clone();
+        own.hold(workers, stages, &held)?;
+        own.is_of_runs = true;
+        if self.refutes(&own) {
+            return Ok(HARDER_AND_CHANGED);
+        }
+        *self = own;
+        Ok(HARDER)
+    }
+
+    /// The references speak against tyres and a floor that runs show, by more than chance and other laws do: what differs between references and runs is a change then,
+    /// and for a name to explain.
+    pub(super) fn refutes(&self, other: &Floor) -> bool {
+        let of = |floor: &Floor| floor.surprise(&floor.residuals, &floor.values);
+        of(other) - of(self) > REFUTED
     }
 
     /// Why an effect of this size may have been there before: below the practical size where references could not show it; without references below twice
@@ -104,6 +126,11 @@ impl Floor {
             );
         }
         is_unshown.then_some("the references were driven less hard and may not have shown a size like this")
+    }
+
+    /// The noise is that of the runs as well, and another one with every name.
+    pub fn hears_runs(&self) -> bool {
+        self.is_otherwise
     }
 
     /// Takes into the noise what runs leave under the present model, where references were driven otherwise.
@@ -200,6 +227,26 @@ mod tests {
         // Heard anew, with what explains it in the model: as before.
         floor.hear(core::slice::from_ref(&run), core::slice::from_ref(&quietly));
         assert_eq!(floor.noise, floor.noise_of_references);
+    }
+
+    /// References that are a little less likely say nothing; much less likely they speak against what they are calibrated with. Never the other way.
+    #[test]
+    fn references_that_become_much_less_likely_refute_a_calibration() {
+        let own = {
+            let mut own = floor();
+            own.references = vec![driven(Quantity::Wheel(0), 1000, 0)];
+            own.residuals = vec![vec![0.0; 1000]];
+            own
+        };
+        let sigma = own.yardstick.classes[0].at(1.0).sqrt();
+        let with = |off: usize| {
+            let mut other = own.clone();
+            other.residuals[0][..off].fill(3.0 * sigma);
+            other
+        };
+        let (slightly, surely) = (with(3), with(100));
+        assert!(!own.refutes(&own) && !own.refutes(&slightly));
+        assert!(own.refutes(&surely) && !surely.refutes(&own));
     }
 
     #[test]

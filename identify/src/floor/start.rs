@@ -39,7 +39,7 @@ impl Floor {
     /// How tyres creep and slide, in words.
     pub fn tyres(&self) -> Option<String> {
         let tread = self.model.description.tread?;
-        let source = match (self.references.is_empty(), self.is_otherwise) {
+        let source = match (self.references.is_empty(), self.is_of_runs) {
             (true, _) => "training runs",
             (false, true) => "references and runs",
             (false, false) => "references",
