@@ -2,7 +2,8 @@
 //! diagnosis's windows, noise and everyday differences. Beside it stands what the diagnosis made of them.
 //!
 //! `cargo run --release -p blind --example reach -- FOLDER [PART/PARTS [KIND]]`: a folder of whole results of `cargo xtask blind`. With a part only every
-//! so manieth set is looked at; sets of one effect of another kind (`shifted`, `closed`) with its name.
+//! so manieth set is looked at; sets of one effect of another kind (`shifted`, `closed`) with its name. The noise is the references' own: where runs are driven harder a diagnosis
+//! hears a louder one.
 
 use anyhow::{Context, Result, ensure};
 use blind::bench::{Line, lines};
@@ -118,6 +119,11 @@ fn main() -> Result<()> {
     let (part, parts) = part(arguments.get(1))?;
     let name = arguments.get(2).map_or("single", String::as_str);
     let kind = Kind::from_str(name, true).map_err(anyhow::Error::msg)?;
+    let is_of_one = matches!(kind, Kind::Single | Kind::Shifted | Kind::Closed);
+    ensure!(
+        is_of_one,
+        "sets of kind {name} have no one effect: single, shifted or closed"
+    );
     let (seed, wish) = sets_of(folder, kind)?;
     println!(
         "gains {}; then of each run alone (and what its measurements give)",

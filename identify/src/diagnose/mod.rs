@@ -119,6 +119,8 @@ struct Case<'a> {
     located_unnamed: Located,
     energies: Energies,
     levels: Levels,
+    /// Energies and levels before anything was named, in the noise of then.
+    unnamed: (Energies, Compared),
     /// What became of the question whether set-points were lost; the runs as they arrived where they were, by path, the locked ones as
     /// they were sent, and the standard deviation of the share that was lost.
     lost: Answer,
@@ -221,6 +223,7 @@ pub fn diagnose(workers: &dyn Workers, input: &Input) -> Result<Diagnosis, Diagn
         located_unnamed: Located::default(),
         energies: Energies::NOTHING,
         levels: Levels::default(),
+        unnamed: (Energies::NOTHING, Compared::default()),
         lost: Answer::NotAsked,
         lost_given,
         arrived: Vec::new(),
@@ -391,22 +394,15 @@ fn search(workers: &dyn Workers, case: &mut Case, given: &[Stages]) -> Result<()
         };
         let about = (&stop.finalists[accepted], stop.threshold);
         if let Some(floor) = otherwise_calibrated(workers, case, &stages, &train.records, &members, about)? {
-            if case.has_begun_again || number + 1 == MOST_ROUNDS {
-                let finalist = &mut stop.finalists[accepted];
-                finalist.because = Some(ALIKE.to_owned());
-                kept.leave(&[finalist.position]);
-                case.deny(&[finalist.member.candidate.entry.name]);
-                case.last = Some(stop);
-                continue;
+            if !case.has_begun_again {
+                case.begin_again(stop.finalists[accepted].member.candidate.entry.name, floor);
+                return search(workers, case, given);
             }
-            case.begin_again(stop.finalists[accepted].member.candidate.entry.name, floor);
-            Opening {
-                train,
-                validation,
-                coarse,
-                reference_metric,
-            } = Opening::of(workers, case, &stages)?;
-            (members, kept, explained) = Default::default();
+            let finalist = &mut stop.finalists[accepted];
+            finalist.because = Some(ALIKE.to_owned());
+            kept.leave(&[finalist.position]);
+            case.deny(&[finalist.member.candidate.entry.name]);
+            case.last = Some(stop);
             continue;
         }
         let before = (members.clone(), case.taken.clone());
@@ -511,7 +507,9 @@ fn search(workers: &dyn Workers, case: &mut Case, given: &[Stages]) -> Result<()
             reference_metric = opening::reference_metric(&case.floor);
             if case.floor.hears_runs() {
                 let [train, validation] = unnamed(workers, &case.floor, [&train, &validation])?;
-                levels(case, reference_metric.as_ref(), &train, &validation);
+                let references = reference_metric.as_ref();
+                case.energies = Energies::before(&case.floor, references, &train, &validation);
+                case.levels.before = compared(&case.floor, references, &train, &validation);
             }
             case.energies.name(&train, &validation);
             case.levels.after = compared(&case.floor, reference_metric.as_ref(), &train, &validation);
@@ -551,8 +549,9 @@ fn compared(floor: &Floor, reference_metric: Option<&Metric>, train: &Prepared, 
     Compared { references, runs }
 }
 
-/// Energies and levels of the runs before anything is named.
+/// Energies and levels of the runs before anything is named, in the noise of then.
 fn levels(case: &mut Case, reference_metric: Option<&Metric>, train: &Prepared, validation: &Prepared) {
     case.energies = Energies::before(&case.floor, reference_metric, train, validation);
     case.levels.before = compared(&case.floor, reference_metric, train, validation);
+    case.unnamed = (case.energies, case.levels.before.clone());
 }

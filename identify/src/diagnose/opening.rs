@@ -2,9 +2,9 @@
 
 use super::arrived::Answer;
 use super::prepared::{Prepared, compared_s, enough, prepare};
-use super::{Case, DiagnoseError, hear, levels};
+use super::{Case, DiagnoseError, TINY, hear, levels};
 use crate::fit::Member;
-use crate::floor::{Floor, Metric, Named};
+use crate::floor::{Floor, HARDER_AND_CHANGED, Metric, Named};
 use crate::hypothesis::{Candidate, Column};
 use crate::locate::{Located, locate};
 use crate::record::{Record, Stages};
@@ -89,8 +89,8 @@ pub(super) fn otherwise_calibrated_beside(
         return Ok(None);
     }
     for (position, (member, taken)) in members.iter().zip(&case.taken).enumerate() {
-        let is_followed = case.taken[position + 1..].iter().any(|later| !later.tiny);
-        if taken.tiny || !is_followed {
+        let is_tiny = |member: &Member| member.candidate.size(&member.values) < TINY;
+        if is_tiny(member) || members[position + 1..].iter().all(is_tiny) {
             continue;
         }
         let mut others = members.to_vec();
@@ -162,7 +162,9 @@ impl Case<'_> {
     /// - `name`: what the other floor does without.
     pub(super) fn begin_again(&mut self, name: &str, floor: Floor) {
         let stale = self.floor.tyres();
-        self.remarks.retain(|remark| Some(remark) != stale.as_ref());
+        self.remarks
+            .retain(|remark| Some(remark) != stale.as_ref() && remark != HARDER_AND_CHANGED);
+        self.withdrawn.retain(|pair| pair.1 != ALIKE);
         self.remarks.push(format!(
             "{name}: {ALIKE}, which the references alone had left open; they were calibrated anew, and references that are driven like the runs would show weaker effects"
         ));

@@ -32,7 +32,8 @@ pub(super) fn verdict(case: &Case) -> Verdict {
     } else {
         let is_disagreement = |pair: &(&str, String)| pair.1 != ALIKE;
         let is_open = unchecked(case).is_some() || case.withdrawn.iter().any(is_disagreement);
-        is_open || all.before > all.limit || louder(&levels.before).is_some()
+        let (energies, levels) = &case.unnamed;
+        is_open || energies.all.before > energies.all.limit || louder(levels).is_some()
     };
     let naming: Vec<&Taken> = case.taken.iter().filter(|taken| !taken.tiny).collect();
     if naming.is_empty() {

@@ -22,7 +22,7 @@ const SHORTER: f64 = 10.0;
 /// Laws are not linear: a fit may become likelier by this many times what its slopes promise.
 const HOPE: f64 = 4.0;
 /// What is held may move by, practical sizes.
-const HELD_TO: f64 = 1e-3;
+pub(super) const HELD_TO: f64 = 1e-3;
 
 /// What the runs are said to have that the references do not.
 #[derive(Debug, Clone, Copy)]
@@ -49,6 +49,7 @@ impl Floor {
     /// `None` when the effect is better by `least`, the references speak against it, or the floor would have to be further from what is described than a description can be
     /// off by.
     ///
+    /// - `least`: gain that the effect needs.
     pub fn alike(
         &self,
         workers: &dyn Workers,
@@ -83,24 +84,35 @@ impl Floor {
         let is_hopeless = |now: f64, promised: f64| is_out_of_reach(now, promised, goal);
         alike.fit(workers, None, is_hopeless)?;
         moved.fit(workers, Some((k, there)), is_hopeless)?;
-        let is_believable = |together: &Together| together.floor.values[k].abs() <= BELIEVABLE;
-        if moved.surprise() < alike.surprise() && is_believable(&moved) >= is_believable(&alike) {
+        let end = |together: &Together| (together.floor.values[k].abs() <= BELIEVABLE, together.surprise());
+        if is_better(end(&moved), end(&alike)) {
             alike = moved;
         }
+        let is_believable = alike.floor.values[k].abs() <= BELIEVABLE;
         let best = alike.surprise();
         with.fit(workers, None, |now, _| best - now > least)?;
         let apart = best - with.surprise();
-        if !apart.is_finite() || apart > least || !is_believable(&alike) {
+        if !apart.is_finite() || apart > least || !is_believable {
             return Ok(None);
         }
         let mut own = self.clone();
         own.absorbed.clear();
+        // What the references have was in the model of their residuals, and is in neither calibration.
+        if !self.absorbed.is_empty() {
+            let model = realised(&self.given, &self.knobs, &self.values);
+            let simulated = all_residuals(workers, &own.references, &model)?;
+            let Some(residuals) = simulated.into_iter().collect() else {
+                return Ok(None);
+            };
+            own.residuals = residuals;
+        }
+        let before = own.clone();
         own.references = self.references.iter().map(Record::trusted).collect();
         (own.is_otherwise, own.is_of_runs) = (true, true);
         let held: Vec<(usize, f64)> = open.iter().copied().zip(alike.floor.values).collect();
         own.hold(workers, stages, &held)?;
         let is_held = held.iter().all(|(k, value)| (own.values[*k] - value).abs() < HELD_TO);
-        Ok((is_held && !self.refutes(&own)).then_some(own))
+        Ok((is_held && !before.refutes(&own)).then_some(own))
     }
 }
 
@@ -255,6 +267,21 @@ impl Together {
     }
 }
 
+/// Of two ends of a calibration one that can be believed goes before one that cannot, and then the likelier one.
+///
+/// - Each: whether it can be believed, and its surprise.
+fn is_better((is_believable, surprise): (bool, f64), (is_other_believable, other): (bool, f64)) -> bool {
+    let is_known = |surprise: f64| surprise.is_finite();
+    match (
+        is_believable && is_known(surprise),
+        is_other_believable && is_known(other),
+    ) {
+        (true, false) => true,
+        (false, true) => false,
+        _ => surprise < other,
+    }
+}
+
 /// Whether slopes leave no hope that a surprise falls to a goal.
 fn is_out_of_reach(now: f64, promised: f64, goal: f64) -> bool {
     now > goal && now - HOPE * promised.max(0.0) > goal
@@ -263,6 +290,18 @@ fn is_out_of_reach(now: f64, promised: f64, goal: f64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_end_that_can_be_believed_goes_before_a_likelier_one() {
+        assert!(is_better((true, 1611.0), (false, 1609.0)));
+        assert!(!is_better((false, 1609.0), (true, 1611.0)));
+        assert!(is_better((true, 1609.0), (true, 1611.0)) && !is_better((true, 1611.0), (true, 1609.0)));
+        assert!(is_better((false, 1609.0), (false, 1611.0)));
+        assert!(
+            is_better((false, 1609.0), (true, f64::INFINITY)),
+            "what cannot be simulated is no end"
+        );
+    }
 
     #[test]
     fn a_calibration_is_given_up_far_from_its_goal_and_never_beyond_it() {

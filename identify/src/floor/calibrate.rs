@@ -50,10 +50,12 @@ pub struct Floor {
     pub noise: NoiseModel,
     /// The same before runs that are driven otherwise were heard.
     pub(super) noise_of_references: NoiseModel,
-    /// References were driven otherwise than the runs, whose noise is heard.
+    /// The runs' noise is heard: they are driven otherwise than the references, or show what these do not.
     pub(super) is_otherwise: bool,
     /// Tyres and the floor's friction are those that the runs show as well.
     pub(super) is_of_runs: bool,
+    /// Surprise of the references before tyres and floor were taken from the runs.
+    pub(super) told: Option<f64>,
     /// What is known of the knobs before the calibration.
     pub(super) prior: Vec<Prior>,
     /// What a calibration measures residuals by: the stated noise, or what half of the cells exceeded before it.
@@ -126,6 +128,7 @@ impl Floor {
             noise_of_references: NoiseModel::prior(&given.description),
             is_otherwise: false,
             is_of_runs: false,
+            told: None,
             prior: knobs.iter().map(prior).collect(),
             yardstick: NoiseModel::prior(&given.description),
             model: given.clone(),

@@ -17,3 +17,4 @@ pub use description::{Estimate, Said};
 pub use doubt::LOUDEST;
 pub use metric::{Metric, dot};
 pub use noise::{ClassNoise, NoiseModel, sensor_sigmas};
+pub use otherwise::HARDER_AND_CHANGED;

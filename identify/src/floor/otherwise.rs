@@ -5,6 +5,7 @@
 //! believed, and where the robot is driven hard the noise is what the runs themselves leave.
 
 use super::Floor;
+use super::alike::HELD_TO;
 use super::noise::{ClassNoise, NoiseModel};
 use crate::hypothesis::Knob;
 use crate::record::{Quantity, Record, Stages};
@@ -23,7 +24,7 @@ const REFUTED: f64 = 40.0;
 /// What is done where references were driven less hard than the runs.
 const HARDER: &str = "the runs are driven harder than the references: tyres, the floor's friction and how far laws are off in harsh moments are taken from the runs; references driven as hard would show weaker effects";
 /// The same where the references know other tyres.
-const HARDER_AND_CHANGED: &str = "the runs are driven harder than the references: how far laws are off in harsh moments is taken from the runs; tyres and the floor's friction are not, since the references speak against those that the runs show, so something has changed; references driven as hard would show weaker effects";
+pub const HARDER_AND_CHANGED: &str = "the runs are driven harder than the references: how far laws are off in harsh moments is taken from the runs; tyres and the floor's friction are not, since the references speak against those that the runs show, so something may have changed; references driven as hard would show weaker effects";
 
 /// What is known of a knob before a calibration, in practical sizes.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -98,10 +99,11 @@ impl Floor {
             .collect();
         let mut own = self.clone();
         own.hold(workers, stages, &held)?;
-        own.is_of_runs = true;
+        own.is_of_runs = held.iter().all(|(k, value)| (own.values[*k] - value).abs() < HELD_TO);
         if self.refutes(&own) {
             return Ok(HARDER_AND_CHANGED);
         }
+        own.told = Some(self.own_surprise());
         *self = own;
         Ok(HARDER)
     }
@@ -109,8 +111,12 @@ impl Floor {
     /// The references speak against tyres and a floor that runs show, by more than chance and other laws do: what differs between references and runs is a change then,
     /// and for a name to explain.
     pub(super) fn refutes(&self, other: &Floor) -> bool {
-        let of = |floor: &Floor| floor.surprise(&floor.residuals, &floor.values);
-        of(other) - of(self) > REFUTED
+        other.own_surprise() - self.told.unwrap_or_else(|| self.own_surprise()) > REFUTED
+    }
+
+    /// Of the references where the knobs stand.
+    fn own_surprise(&self) -> f64 {
+        self.surprise(&self.residuals, &self.values)
     }
 
     /// Why an effect of this size may have been there before: below the practical size where references could not show it; without references below twice
