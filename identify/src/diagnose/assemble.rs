@@ -6,7 +6,7 @@ use twin::effect::library::LIBRARY;
 use twin::model_document::ModelDocument;
 
 use super::arrived::{Answer, take_back};
-use super::beside::{doubt_beside_a_rest, reserve_calibrated, reserve_losses};
+use super::beside::{doubt_beside_a_rest, reserve_calibrated, reserve_losses, reserve_untold};
 use super::gap_table::gap_table;
 use super::interval::sizes;
 use super::louder::louder;
@@ -41,6 +41,9 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
         taken.is_beside_a_large_rest = is_beside_a_large_rest;
     }
     reserve_losses(&mut case.taken, left_louder_on(&case.levels, "wheel"));
+    if case.floor.has_untold_tyres() {
+        reserve_untold(&mut case.taken);
+    }
     if case.alike.is_some() {
         reserve_calibrated(&mut case.taken);
     }

@@ -139,6 +139,11 @@ impl Floor {
         self.is_otherwise
     }
 
+    /// References were driven less hard, and speak against the tyres and the floor that the runs show.
+    pub fn has_untold_tyres(&self) -> bool {
+        self.is_otherwise && !self.is_of_runs && !self.references.is_empty()
+    }
+
     /// Takes into the noise what runs leave under the present model, where references were driven otherwise.
     pub fn hear(&mut self, records: &[Record], residuals: &[Vec<f64>]) {
         if self.is_otherwise {
@@ -258,9 +263,12 @@ mod tests {
     #[test]
     fn what_is_smaller_than_practical_may_have_been_there_before() {
         let mut floor = floor();
-        assert_eq!(floor.may_have_had(0.8), None);
+        assert!(floor.may_have_had(0.8).is_none() && !floor.has_untold_tyres());
         floor.is_otherwise = true;
         assert!(floor.may_have_had(0.8).is_some() && floor.may_have_had(1.1).is_none());
+        assert!(floor.has_untold_tyres());
+        floor.is_of_runs = true;
+        assert!(!floor.has_untold_tyres(), "the runs have told them");
     }
 
     #[test]
