@@ -79,20 +79,15 @@ fn a_size_that_differs_from_stretch_to_stretch_is_listed_beside_a_sure_one() {
     assert_eq!(report.effects[1].status, "ambiguous");
 }
 
-/// Wheels that do not run straight, and beside them a floor that a tenth too little grip would explain, or none.
+/// Wheels that do not run straight, beside which a floor with a tenth too little grip once stood, or none: one calibration of tyres explains references and runs. A steering that
+/// stands off its middle is still the same to these runs.
 #[test]
 #[ignore = "one to two minutes: cargo xtask soak names"]
-fn what_may_be_none_is_not_confirmed_beside_what_explains_more() {
+fn a_floor_that_may_be_none_is_calibration_beside_what_explains_more() {
     let report = diagnosed("single:wheel_misalignment", 402, 82, &["wheel_misalignment"]);
-    let status = |name: &str| {
-        let found = report.effects.iter().find(|effect| effect.name == name);
-        found.map(|effect| effect.status.as_str())
-    };
-    assert_eq!(status("wheel_misalignment"), Some("confirmed"));
-    assert_eq!(status("floor_friction"), Some("ambiguous"));
-    let is_told = |remark: &String| {
-        remark.starts_with("floor_friction") && remark.contains("make up for what wheel_misalignment")
-    };
+    assert_eq!(named(&report), [("wheel_misalignment", Some(0))]);
+    assert_eq!(report.effects[0].alternatives, ["steering_offset"]);
+    let is_told = |remark: &String| remark.starts_with("floor_friction: one calibration of tyres and floor explains");
     assert!(report.remarks.iter().any(is_told), "{:?}", report.remarks);
 }
 
