@@ -97,6 +97,7 @@ impl Floor {
         }
         let mut own = self.clone();
         own.absorbed.clear();
+        own.references = self.references.iter().map(Record::trusted).collect();
         // What the references have was in the model of their residuals, and is in neither calibration.
         if !self.absorbed.is_empty() {
             let model = realised(&self.given, &self.knobs, &self.values);
@@ -107,7 +108,6 @@ impl Floor {
             own.residuals = residuals;
         }
         let before = own.clone();
-        own.references = self.references.iter().map(Record::trusted).collect();
         (own.is_otherwise, own.is_of_runs) = (true, true);
         let held: Vec<(usize, f64)> = open.iter().copied().zip(alike.floor.values).collect();
         own.hold(workers, stages, &held)?;
