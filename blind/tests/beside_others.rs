@@ -79,6 +79,23 @@ fn a_size_that_differs_from_stretch_to_stretch_is_listed_beside_a_sure_one() {
     assert_eq!(report.effects[1].status, "ambiguous");
 }
 
+/// Dry friction of a car, which resistance to rolling explains as well, and beside it a floor that a tenth too little grip would explain, or none.
+#[test]
+#[ignore = "one to two minutes: cargo xtask soak names"]
+fn what_may_be_none_is_not_confirmed_beside_what_explains_more() {
+    let report = diagnosed("single:coulomb_friction", 400, 68, &["coulomb_friction"]);
+    let status = |name: &str| {
+        let found = report.effects.iter().find(|effect| effect.name == name);
+        found.map(|effect| effect.status.as_str())
+    };
+    assert_eq!(status("rolling_resistance"), Some("confirmed"));
+    assert_eq!(status("floor_friction"), Some("ambiguous"));
+    let is_told = |remark: &String| {
+        remark.starts_with("floor_friction") && remark.contains("make up for what rolling_resistance")
+    };
+    assert!(report.remarks.iter().any(is_told), "{:?}", report.remarks);
+}
+
 /// Wheels that do not run straight, beside which a floor with a tenth too little grip once stood, or none: one calibration of tyres explains references and runs. A steering that
 /// stands off its middle is still the same to these runs.
 #[test]

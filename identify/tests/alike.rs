@@ -81,6 +81,12 @@ fn a_calibration_that_is_off_is_found_out_and_a_slippery_floor_is_not_explained_
         None,
         "and the references speak against it, whatever the runs gain"
     );
+    let hardly = 0.95;
+    let changed = runs(850, &[Effect::new("floor_friction", &[("scale", hardly)])]);
+    assert!(
+        alike(&floor, &changed, hardly, f64::MAX).is_some(),
+        "of a floor that is hardly slippery nothing but what the effect is better by speaks for it"
+    );
 
     // As a calibration on references that slide too little may end: a floor as much grippier as the effect takes away.
     let mut off = floor.clone();

@@ -108,7 +108,7 @@ impl Floor {
         Ok(HARDER)
     }
 
-    /// The references speak against tyres and a floor that runs show, by more than chance and other laws do: what differs between references and runs is a change then,
+    /// The references speak against tyres and a floor that runs show, by more than chance and other laws do: what differs between references and runs may be a change then,
     /// and for a name to explain.
     pub(super) fn refutes(&self, other: &Floor) -> bool {
         other.own_surprise() - self.told.unwrap_or_else(|| self.own_surprise()) > REFUTED
