@@ -46,6 +46,8 @@ pub enum HandError {
     },
     #[error("there is no robot {0:?}")]
     UnknownName(String),
+    #[error("{0} has no {1}")]
+    Part(String, String),
     #[error(transparent)]
     Change(#[from] ChangeProblem),
     #[error(transparent)]
@@ -220,10 +222,14 @@ impl Laboratory {
     pub fn hide(&mut self, change: &Change) -> Result<(), HandError> {
         change.check()?;
         let name = change.robot();
-        if let Some(name) = name
-            && !self.units.iter().any(|unit| unit.robot().description.name == name)
-        {
-            return Err(HandError::UnknownName(name.to_owned()));
+        if let Some(name) = name {
+            let mut robots = self.units.iter().map(|unit| &unit.robot().description);
+            let robot = robots
+                .find(|robot| robot.name == name)
+                .ok_or_else(|| HandError::UnknownName(name.to_owned()))?;
+            if let Some(part) = change.missing_part(robot) {
+                return Err(HandError::Part(name.to_owned(), part));
+            }
         }
         if *change == Change::None {
             self.hidden = self.unchanged.clone();

@@ -304,6 +304,26 @@ fn the_hand_refuses_what_cannot_stand() {
         ),
         (r#"{"fault":{"number":1,"kind":"on_fire"}}"#, "not a request"),
         (r#"{"camera_fault":{"camera":0,"kind":"frozen"}}"#, "no camera 0"),
+        (
+            r#"{"hide":{"effect":"wheel_radius_one","robot":"diff-01","wheel":4,"relative":0.01}}"#,
+            "diff-01 has no wheel 4; it has 4, from 0",
+        ),
+        (
+            r#"{"hide":{"effect":"weak_motor","robot":"diff-01","motor":2,"gain":0.8}}"#,
+            "diff-01 has no motor 2; it has 2, from 0",
+        ),
+        (
+            r#"{"hide":{"effect":"steering_scale","robot":"omni-01","scale":0.9}}"#,
+            "omni-01 has no steered wheel",
+        ),
+        (
+            r#"{"hide":{"effect":"roller_drag","robot":"rwd-01","per_wheel_n_s_per_m":1}}"#,
+            "rwd-01 has no omni wheel",
+        ),
+        (
+            r#"{"hide":{"effect":"steering_lag","robot":"rwd-01","time_constant_s":2}}"#,
+            "time_constant_s 2 is outside 0..=1",
+        ),
         ("{}", "neither"),
         ("nonsense", "not a request"),
     ] {

@@ -27,74 +27,115 @@ struct Case {
     index: Option<u64>,
 }
 
-/// In the order of the table.
-fn cases() -> Vec<Case> {
-    let hide = |change: Value| json!({ "hide": change });
-    let case = |name, size, robot, hide| Case {
+/// An effect of one robot.
+fn of_robot(name: &'static str, size: &'static str, robot: &'static str, sizes: &Value) -> Case {
+    let mut change = json!({ "effect": name, "robot": robot });
+    if let (Some(change), Some(sizes)) = (change.as_object_mut(), sizes.as_object()) {
+        change.extend(sizes.clone());
+    }
+    Case {
         name,
         size,
         robot,
-        hide,
+        hide: json!({ "hide": change }),
         index: None,
-    };
+    }
+}
+
+/// An effect of one of its wheels; motors count among the driven wheels, which come first in these descriptions.
+fn of_wheel(name: &'static str, size: &'static str, robot: &'static str, wheel: u64, sizes: &Value) -> Case {
+    Case {
+        index: Some(wheel),
+        ..of_robot(name, size, robot, sizes)
+    }
+}
+
+/// An effect of the floor, seen by one robot.
+fn of_floor(name: &'static str, size: &'static str, robot: &'static str, mut sizes: Value) -> Case {
+    sizes["effect"] = json!(name);
+    Case {
+        name,
+        size,
+        robot,
+        hide: json!({ "hide": sizes }),
+        index: None,
+    }
+}
+
+/// In the order of the table.
+fn cases() -> Vec<Case> {
     vec![
-        case(
-            "floor_friction",
-            "x 0.5",
+        of_floor("floor_friction", "x 0.5", "omni-01", json!({"scale": 0.5})),
+        of_robot("payload", "+30 % of the mass", "omni-01", &json!({"mass_share": 0.3})),
+        of_wheel(
+            "weak_motor",
+            "motor 1 x 0.8",
             "omni-01",
-            hide(json!({"effect": "floor_friction", "scale": 0.5})),
+            0,
+            &json!({"motor": 0, "gain": 0.8}),
         ),
-        case(
-            "payload",
-            "+30 % of the mass",
+        of_robot(
+            "viscous_friction",
+            "0.06 N m s",
             "omni-01",
-            hide(json!({"effect": "payload", "robot": "omni-01", "mass_share": 0.3})),
+            &json!({"coefficient_n_m_s": 0.06}),
         ),
-        Case {
-            index: Some(0),
-            ..case(
-                "weak_motor",
-                "motor 1 x 0.8",
-                "omni-01",
-                hide(json!({"effect": "weak_motor", "robot": "omni-01", "motor": 0, "gain": 0.8})),
-            )
-        },
-        case(
-            "wheel_radius",
-            "+4 %",
+        of_robot(
+            "roller_drag",
+            "3 N s/m each",
+            "omni-01",
+            &json!({"per_wheel_n_s_per_m": 3.0}),
+        ),
+        of_floor("floor_tilt", "3 % along x", "omni-01", json!({"x": 0.03, "y": 0.0})),
+        of_robot("wheel_radius", "+4 %", "diff-01", &json!({"relative": 0.04})),
+        of_wheel(
+            "wheel_radius_one",
+            "wheel 2 -2 %",
             "diff-01",
-            hide(json!({"effect": "wheel_radius", "robot": "diff-01", "relative": 0.04})),
+            1,
+            &json!({"wheel": 1, "relative": -0.02}),
         ),
         // More, and the robot refuses: it knows the laboratory's clock to half the way there and back, at most 15 ms.
-        case(
-            "command_delay",
-            "11 ms each way",
+        Case {
+            name: "command_delay",
+            size: "11 ms each way",
+            robot: "diff-01",
+            hide: json!({"fault": {"number": 5, "kind": "delay_frames", "delay_ms": 11.0}}),
+            index: None,
+        },
+        of_robot("gyro_bias", "0.03 rad/s", "diff-01", &json!({"bias_rad_per_s": 0.03})),
+        of_robot(
+            "center_of_mass_offset",
+            "3 cm forward",
             "diff-01",
-            json!({"fault": {"number": 5, "kind": "delay_frames", "delay_ms": 11.0}}),
+            &json!({"x_m": 0.03, "y_m": 0.0}),
         ),
-        case(
-            "gyro_bias",
-            "0.03 rad/s",
-            "diff-01",
-            hide(json!({"effect": "gyro_bias", "robot": "diff-01", "bias_rad_per_s": 0.03})),
-        ),
-        case(
-            "coulomb_friction",
-            "0.4 N m",
+        of_robot("gear_backlash", "0.05 rad", "diff-01", &json!({"play_rad": 0.05})),
+        of_robot("battery_sag", "0.2 ohm", "diff4-01", &json!({"resistance_ohm": 0.2})),
+        of_robot("coulomb_friction", "0.4 N m", "diff4-01", &json!({"torque_n_m": 0.4})),
+        of_floor(
+            "rolling_resistance",
+            "0.03 of the load",
             "diff4-01",
-            hide(json!({"effect": "coulomb_friction", "robot": "diff4-01", "torque_n_m": 0.4})),
+            json!({"coefficient": 0.03}),
         ),
-        case(
+        of_robot("track_width", "+6 %", "diff4-01", &json!({"relative": 0.06})),
+        of_floor(
             "low_friction_patch",
             "x 0.2 within 0.5 m",
             "diff4-01",
-            hide(json!({"effect": "low_friction_patch", "x_m": 0.4, "y_m": 0.2, "radius_m": 0.5, "scale": 0.2})),
+            json!({"x_m": 0.4, "y_m": 0.2, "radius_m": 0.5, "scale": 0.2}),
         ),
-        case(
-            "steering_offset",
-            "0.04 rad",
+        of_robot("steering_offset", "0.04 rad", "rwd-01", &json!({"offset_rad": 0.04})),
+        of_robot("steering_scale", "x 0.9", "rwd-01", &json!({"scale": 0.9})),
+        of_robot("steering_lag", "0.08 s", "rwd-01", &json!({"time_constant_s": 0.08})),
+        of_robot("steering_backlash", "0.05 rad", "rwd-01", &json!({"play_rad": 0.05})),
+        of_wheel(
+            "wheel_misalignment",
+            "wheel 1 by 0.04 rad",
             "rwd-01",
-            hide(json!({"effect": "steering_offset", "robot": "rwd-01", "offset_rad": 0.04})),
+            0,
+            &json!({"wheel": 0, "toe_rad": 0.04}),
         ),
     ]
 }

@@ -4,6 +4,7 @@
 //! the configuration that the emulator was started with, until `none` takes all of them away.
 
 use super::{FrictionPatch, Hidden, HiddenRobot};
+use api::robot::RobotDescription;
 use serde::{Deserialize, Serialize};
 
 /// `{"hide": {"effect": "payload", "robot": "omni-01", "mass_share": 0.25}}`
@@ -18,10 +19,32 @@ pub enum Change {
     Payload { robot: String, mass_share: f64 },
     /// Dry friction added to every motor, at the wheel.
     CoulombFriction { robot: String, torque_n_m: f64 },
+    /// Viscous friction added to every motor, at the wheel.
+    ViscousFriction { robot: String, coefficient_n_m_s: f64 },
+    /// Play added between every motor and its wheel, at the wheel.
+    GearBacklash { robot: String, play_rad: f64 },
+    /// One wheel is larger by this share; `wheel` is its position in the description.
+    WheelRadiusOne { robot: String, wheel: usize, relative: f64 },
+    /// One wheel points this far to the left of where it is described.
+    WheelMisalignment { robot: String, wheel: usize, toe_rad: f64 },
+    /// Distances of the wheels from the middle are larger by this share.
+    TrackWidth { robot: String, relative: f64 },
+    /// Against the free direction of each omni wheel.
+    RollerDrag { robot: String, per_wheel_n_s_per_m: f64 },
+    /// The middle of the mass lies this much further forward and left.
+    CenterOfMassOffset { robot: String, x_m: f64, y_m: f64 },
+    /// Added to what battery and wires resist with.
+    BatterySag { robot: String, resistance_ohm: f64 },
     /// Added to what the gyro says.
     GyroBias { robot: String, bias_rad_per_s: f64 },
     /// Between servo and wheels; positive steers left of what the servo says.
     SteeringOffset { robot: String, offset_rad: f64 },
+    /// What the servo says times `scale` is what the wheels do.
+    SteeringScale { robot: String, scale: f64 },
+    /// Added to the servo's lag.
+    SteeringLag { robot: String, time_constant_s: f64 },
+    /// Play added between servo and wheels.
+    SteeringBacklash { robot: String, play_rad: f64 },
     /// Friction of the whole floor times `scale`.
     FloorFriction { scale: f64 },
     /// A round spot with another friction.
@@ -33,6 +56,8 @@ pub enum Change {
     },
     /// Rise of the floor per metre along x and y.
     FloorTilt { x: f64, y: f64 },
+    /// Added to the force of rolling over the load, of the whole floor.
+    RollingResistance { coefficient: f64 },
     /// Takes every change away, of all robots and the floor.
     None,
 }
@@ -54,9 +79,48 @@ impl Change {
             | Self::WeakMotor { robot, .. }
             | Self::Payload { robot, .. }
             | Self::CoulombFriction { robot, .. }
+            | Self::ViscousFriction { robot, .. }
+            | Self::GearBacklash { robot, .. }
+            | Self::WheelRadiusOne { robot, .. }
+            | Self::WheelMisalignment { robot, .. }
+            | Self::TrackWidth { robot, .. }
+            | Self::RollerDrag { robot, .. }
+            | Self::CenterOfMassOffset { robot, .. }
+            | Self::BatterySag { robot, .. }
             | Self::GyroBias { robot, .. }
-            | Self::SteeringOffset { robot, .. } => Some(robot),
-            Self::FloorFriction { .. } | Self::LowFrictionPatch { .. } | Self::FloorTilt { .. } | Self::None => None,
+            | Self::SteeringOffset { robot, .. }
+            | Self::SteeringScale { robot, .. }
+            | Self::SteeringLag { robot, .. }
+            | Self::SteeringBacklash { robot, .. } => Some(robot),
+            Self::FloorFriction { .. }
+            | Self::LowFrictionPatch { .. }
+            | Self::FloorTilt { .. }
+            | Self::RollingResistance { .. }
+            | Self::None => None,
+        }
+    }
+
+    /// What this robot would need to be changed so and does not have, in words.
+    pub fn missing_part(&self, robot: &RobotDescription) -> Option<String> {
+        let wheels = robot.wheels.len();
+        let motors = robot.wheels.iter().filter(|wheel| wheel.driven).count();
+        match *self {
+            Self::WeakMotor { motor, .. } if motor >= motors => Some(format!("motor {motor}; it has {motors}, from 0")),
+            Self::WheelRadiusOne { wheel, .. } | Self::WheelMisalignment { wheel, .. } if wheel >= wheels => {
+                Some(format!("wheel {wheel}; it has {wheels}, from 0"))
+            }
+            Self::RollerDrag { .. } if robot.wheels.iter().all(|wheel| wheel.kind != "omni") => {
+                Some("omni wheel".to_owned())
+            }
+            Self::SteeringOffset { .. }
+            | Self::SteeringScale { .. }
+            | Self::SteeringLag { .. }
+            | Self::SteeringBacklash { .. }
+                if robot.steering.is_none() =>
+            {
+                Some("steered wheel".to_owned())
+            }
+            _ => None,
         }
     }
 
@@ -78,6 +142,34 @@ impl Change {
             }
             Self::Payload { mass_share, .. } => within("mass_share", mass_share, [-0.5, 2.0], "-0.5..=2"),
             Self::CoulombFriction { torque_n_m, .. } => within("torque_n_m", torque_n_m, [0.0, 3.0], "0..=3"),
+            Self::ViscousFriction { coefficient_n_m_s, .. } => {
+                within("coefficient_n_m_s", coefficient_n_m_s, [0.0, 3.0], "0..=3")
+            }
+            Self::GearBacklash { play_rad, .. } | Self::SteeringBacklash { play_rad, .. } => {
+                within("play_rad", play_rad, [0.0, 0.3], "0..=0.3")
+            }
+            Self::WheelRadiusOne { wheel, relative, .. } => {
+                within("wheel", wheel as f64, [0.0, WHEELS_MOST as f64 - 1.0], "0..=7")?;
+                within("relative", relative, [-0.3, 0.3], "-0.3..=0.3")
+            }
+            Self::WheelMisalignment { wheel, toe_rad, .. } => {
+                within("wheel", wheel as f64, [0.0, WHEELS_MOST as f64 - 1.0], "0..=7")?;
+                within("toe_rad", toe_rad, [-0.3, 0.3], "-0.3..=0.3")
+            }
+            Self::TrackWidth { relative, .. } => within("relative", relative, [-0.3, 0.3], "-0.3..=0.3"),
+            Self::RollerDrag {
+                per_wheel_n_s_per_m, ..
+            } => within("per_wheel_n_s_per_m", per_wheel_n_s_per_m, [0.0, 50.0], "0..=50"),
+            Self::CenterOfMassOffset { x_m, y_m, .. } => {
+                within("x_m", x_m, [-0.1, 0.1], "-0.1..=0.1")?;
+                within("y_m", y_m, [-0.1, 0.1], "-0.1..=0.1")
+            }
+            Self::BatterySag { resistance_ohm, .. } => within("resistance_ohm", resistance_ohm, [0.0, 3.0], "0..=3"),
+            Self::SteeringScale { scale, .. } => within("scale", scale, [0.3, 2.0], "0.3..=2"),
+            Self::SteeringLag { time_constant_s, .. } => {
+                within("time_constant_s", time_constant_s, [0.0, 1.0], "0..=1")
+            }
+            Self::RollingResistance { coefficient } => within("coefficient", coefficient, [0.0, 0.3], "0..=0.3"),
             Self::GyroBias { bias_rad_per_s, .. } => {
                 within("bias_rad_per_s", bias_rad_per_s, [-0.5, 0.5], "-0.5..=0.5")
             }
@@ -132,6 +224,7 @@ impl Hidden {
                 ground.slope[0] += x;
                 ground.slope[1] += y;
             }
+            Change::RollingResistance { coefficient } => ground.rolling_resistance += coefficient,
             _ => return,
         }
         self.floors.insert(floor.to_owned(), ground);
@@ -142,10 +235,10 @@ fn change_robot(robot: &mut HiddenRobot, change: &Change) {
     match *change {
         Change::WheelRadius { relative, .. } => {
             for place in 0..WHEELS_MOST {
-                *entry(&mut robot.wheel_radius_scale, place) *= 1.0 + relative;
+                *entry(&mut robot.wheel_radius_scale, place, 1.0) *= 1.0 + relative;
             }
         }
-        Change::WeakMotor { motor, gain, .. } => *entry(&mut robot.torque_constant_scale, motor) *= gain,
+        Change::WeakMotor { motor, gain, .. } => *entry(&mut robot.torque_constant_scale, motor, 1.0) *= gain,
         // A load over the middle, spread as the robot itself is.
         Change::Payload { mass_share, .. } => {
             robot.mass_scale *= 1.0 + mass_share;
@@ -153,18 +246,43 @@ fn change_robot(robot: &mut HiddenRobot, change: &Change) {
         }
         Change::CoulombFriction { torque_n_m, .. } => robot.wear.coulomb_n_m += torque_n_m,
         Change::GyroBias { bias_rad_per_s, .. } => robot.gyro_bias_rad_per_s += bias_rad_per_s,
+        Change::ViscousFriction { coefficient_n_m_s, .. } => robot.wear.viscous_n_m_s += coefficient_n_m_s,
+        Change::GearBacklash { play_rad, .. } => robot.half_backlash_rad += 0.5 * play_rad,
+        Change::WheelRadiusOne { wheel, relative, .. } => {
+            *entry(&mut robot.wheel_radius_scale, wheel, 1.0) *= 1.0 + relative;
+        }
+        Change::WheelMisalignment { wheel, toe_rad, .. } => {
+            *entry(&mut robot.wheel_direction_error_rad, wheel, 0.0) += toe_rad;
+        }
+        Change::TrackWidth { relative, .. } => robot.wear.track_scale *= 1.0 + relative,
+        Change::RollerDrag {
+            per_wheel_n_s_per_m, ..
+        } => robot.wear.roller_viscous_n_s_per_m += per_wheel_n_s_per_m,
+        Change::CenterOfMassOffset { x_m, y_m, .. } => {
+            robot.com_x_m += x_m;
+            robot.com_y_m += y_m;
+        }
+        Change::BatterySag { resistance_ohm, .. } => robot.battery_resistance_ohm += resistance_ohm,
         Change::SteeringOffset { offset_rad, .. } => robot.wear.steering_offset_rad += offset_rad,
-        Change::FloorFriction { .. } | Change::LowFrictionPatch { .. } | Change::FloorTilt { .. } | Change::None => {}
+        Change::SteeringScale { scale, .. } => robot.wear.steering_scale *= scale,
+        Change::SteeringLag { time_constant_s, .. } => robot.wear.steering_lag_s += time_constant_s,
+        // The plant's play is to each side of the servo.
+        Change::SteeringBacklash { play_rad, .. } => robot.steering_play_rad += 0.5 * play_rad,
+        Change::FloorFriction { .. }
+        | Change::LowFrictionPatch { .. }
+        | Change::FloorTilt { .. }
+        | Change::RollingResistance { .. }
+        | Change::None => {}
     }
 }
 
 /// Wheels and casters of the largest robot.
 const WHEELS_MOST: usize = 8;
 
-/// A place of a list that may end early.
-fn entry(list: &mut Vec<f64>, place: usize) -> &mut f64 {
+/// A place of a list that may end early, and goes on with the neutral value.
+fn entry(list: &mut Vec<f64>, place: usize, neutral: f64) -> &mut f64 {
     if list.len() <= place {
-        list.resize(place + 1, 1.0);
+        list.resize(place + 1, neutral);
     }
     &mut list[place]
 }
@@ -187,6 +305,18 @@ mod tests {
             hidden.robot("diff-02").wheel_radius_scale,
             Hidden::reference().unwrap().robot("diff-02").wheel_radius_scale
         );
+        let toe = |wheel, toe_rad| Change::WheelMisalignment {
+            robot: "diff-01".to_owned(),
+            wheel,
+            toe_rad,
+        };
+        hidden.change(&toe(3, 0.02), "lab-floor");
+        let directions = hidden.robot("diff-01").wheel_direction_error_rad;
+        assert_eq!(
+            directions[2..],
+            [0.0, 0.02],
+            "a list that ended early goes on with no error"
+        );
         let friction = hidden.floor("lab-floor").friction_scale;
         hidden.change(&Change::FloorFriction { scale: 0.5 }, "lab-floor");
         assert!((hidden.floor("lab-floor").friction_scale - 0.5 * friction).abs() < 1e-12);
@@ -203,6 +333,12 @@ mod tests {
         assert_eq!(weak(0.8).check(), Ok(()));
         assert_eq!(weak(0.0).check().map_err(|problem| problem.name), Err("gain"));
         assert_eq!(weak(f64::NAN).check().map_err(|problem| problem.name), Err("gain"));
+        let wheel = Change::WheelRadiusOne {
+            robot: "omni-01".to_owned(),
+            wheel: 8,
+            relative: 0.01,
+        };
+        assert_eq!(wheel.check().map_err(|problem| problem.name), Err("wheel"));
         let far = Change::LowFrictionPatch {
             x_m: 0.0,
             y_m: 0.0,

@@ -301,7 +301,7 @@ impl Question<'_> {
             validation: prepared(validation)?,
             sigma: (share * (1.0 - share) / bursts).sqrt(),
             taken: Taken {
-                tiny: finalist.size < TINY || self.is_known(share),
+                is_absorbed: finalist.size < TINY || self.is_known(share),
                 finalist,
                 alternatives: Vec::new(),
                 excluded: Vec::new(),

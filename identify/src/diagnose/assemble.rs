@@ -57,9 +57,9 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
     }
     let (mut gap, mut explained) = gap_table(case, &after);
     let mut is_proven = validated(case) && case.locked.len() >= FEWEST_RUNS;
-    let names = case.taken.iter().filter(|taken| !taken.tiny).count();
+    let names = case.taken.iter().filter(|taken| !taken.is_absorbed).count();
     if names > 0 {
-        let any = |is: fn(&Taken) -> bool| case.taken.iter().any(|taken| !taken.tiny && is(taken));
+        let any = |is: fn(&Taken) -> bool| case.taken.iter().any(|taken| !taken.is_absorbed && is(taken));
         let names = Names {
             count: names,
             is_any_doubted: any(|taken| !taken.doubts().is_empty()),
@@ -99,13 +99,15 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
         }
     }
     case.remarks.extend(louder_words);
-    if is_beside_a_large_rest && case.taken.iter().any(|taken| !taken.tiny) {
+    if is_beside_a_large_rest && case.taken.iter().any(|taken| !taken.is_absorbed) {
         let words = "nearly all of what the runs are off by is left with what is named; not confirmed before something explains that";
         case.remarks.push(words.to_owned());
     }
-    for taken in case.taken.iter().filter(|taken| !taken.tiny) {
+    for taken in case.taken.iter().filter(|taken| !taken.is_absorbed) {
         case.remarks.extend(taken.remarks(taken.before(&case.floor)));
     }
+    let corrections = case.taken.iter().filter_map(Taken::correction);
+    case.remarks.extend(corrections);
     let model = model_version(case, &after);
     let effects = named(case, is_proven);
     if effects.is_empty() && matches!(verdict, Verdict::Confirmed | Verdict::Partial | Verdict::Ambiguous) {
@@ -173,7 +175,7 @@ fn without_names(case: &mut Case, verdict: Verdict) -> Hypothesis {
         case.located.clone_from(&case.located_unnamed);
     }
     case.taken
-        .retain(|taken| taken.tiny && verdict == Verdict::NoDiscrepancy);
+        .retain(|taken| taken.is_absorbed && verdict == Verdict::NoDiscrepancy);
     let is_lost = |taken: &Taken| taken.finalist.member.candidate.entry.name == LOST;
     if !case.taken.iter().any(is_lost) {
         take_back(case);
@@ -251,7 +253,7 @@ fn model_version(case: &Case, after: &Hypothesis) -> ModelDocument {
 fn named(case: &Case, is_proven: bool) -> Vec<NamedEffect> {
     let mut effects: Vec<NamedEffect> = Vec::new();
     for (position, taken) in case.taken.iter().enumerate() {
-        if taken.tiny {
+        if taken.is_absorbed {
             continue;
         }
         let finalist = &taken.finalist;
@@ -330,7 +332,7 @@ pub(super) fn values_of(finalist: &Finalist) -> String {
 fn is_taken(case: &Case, name: &str) -> bool {
     case.taken
         .iter()
-        .any(|taken| !taken.tiny && taken.finalist.member.candidate.entry.name == name)
+        .any(|taken| !taken.is_absorbed && taken.finalist.member.candidate.entry.name == name)
 }
 
 /// Calibration that is sure, and effects that are too small to matter.
@@ -383,7 +385,7 @@ fn absorbed(case: &Case, effects: &[NamedEffect]) -> Vec<Absorbed> {
             },
         );
     }
-    for (position, taken) in case.taken.iter().enumerate().filter(|(_, taken)| taken.tiny) {
+    for (position, taken) in case.taken.iter().enumerate().filter(|(_, taken)| taken.is_absorbed) {
         let name = taken.finalist.member.candidate.entry.name;
         if mentioned(name) {
             continue;

@@ -14,9 +14,20 @@ pub(super) fn calibrate_small(all: &mut [Taken]) {
         let may_be_none = taken.may_be_none && !is_there;
         may_be_none && taken.finalist.size < 1.0 && taken.finalist.member.candidate.entry.name != LOST
     };
-    let is_beside = all.iter().any(|taken| !taken.tiny && !is_small(taken));
+    let is_beside = all.iter().any(|taken| !taken.is_absorbed && !is_small(taken));
     for taken in all {
-        taken.tiny |= is_small(taken) && (taken.may_be_none_on_average || !is_beside);
+        taken.is_absorbed |= is_small(taken) && (taken.may_be_none_on_average || !is_beside);
+    }
+}
+
+/// Friction below the speed over which the twin smooths its own is calibration of that law where another name explains more: a robot that was changed sticks
+/// and creeps where it did not before, and the twin does so otherwise.
+pub(super) fn calibrate_smoothed(all: &mut [Taken]) {
+    let gain = |taken: &Taken| taken.finalist.gain();
+    let names = all.iter().filter(|taken| !taken.is_absorbed && !taken.is_smoothed());
+    let most = names.map(gain).fold(0.0, f64::max);
+    for taken in all.iter_mut().filter(|taken| taken.is_smoothed() && gain(taken) < most) {
+        taken.is_absorbed = true;
     }
 }
 
@@ -26,7 +37,7 @@ pub(super) fn reserve_rests(all: &mut [Taken]) {
     let part = |taken: &Taken| taken.finalist.member.candidate.entry.hook;
     let laws: Vec<(f64, Hook, &'static str)> = all
         .iter()
-        .filter(|taken| !taken.tiny && taken.may_be_another_law())
+        .filter(|taken| !taken.is_absorbed && taken.may_be_another_law())
         .map(|taken| {
             (
                 taken.finalist.gain(),
@@ -47,13 +58,13 @@ pub(super) fn reserve_rests(all: &mut [Taken]) {
 pub(super) fn reserve_wide(all: &mut [Taken]) {
     let names: Vec<(f64, String)> = all
         .iter()
-        .filter(|taken| !taken.tiny)
+        .filter(|taken| !taken.is_absorbed)
         .map(|taken| (taken.finalist.gain(), taken.finalist.member.candidate.label()))
         .collect();
     for taken in all {
         taken.reserved.clear();
         // Where gains do not outvote the interval it is a doubt already.
-        if !taken.may_be_none || taken.tiny || taken.nothing().is_some() {
+        if !taken.may_be_none || taken.is_absorbed || taken.nothing().is_some() {
             continue;
         }
         let own = taken.finalist.gain();
@@ -84,8 +95,12 @@ pub(super) fn reserve_losses(all: &mut [Taken], wheels: Option<Louder>) {
 /// confirmed, the others may make up for these.
 pub(super) fn reserve_untold(all: &mut [Taken]) {
     let gain = |taken: &Taken| taken.finalist.gain();
-    let most = all.iter().filter(|taken| !taken.tiny).map(gain).fold(0.0, f64::max);
-    for taken in all.iter_mut().filter(|taken| !taken.tiny && gain(taken) < most) {
+    let most = all
+        .iter()
+        .filter(|taken| !taken.is_absorbed)
+        .map(gain)
+        .fold(0.0, f64::max);
+    for taken in all.iter_mut().filter(|taken| !taken.is_absorbed && gain(taken) < most) {
         let why = "the references, driven less hard, do not show tyres and floor in harsh moments, and it may make up for these";
         taken.reserved.push(why.to_owned());
     }
@@ -93,7 +108,7 @@ pub(super) fn reserve_untold(all: &mut [Taken]) {
 
 /// What is found under a calibration in which the runs kept for checking had a part was not checked on them alone.
 pub(super) fn reserve_calibrated(all: &mut [Taken]) {
-    for taken in all.iter_mut().filter(|taken| !taken.tiny) {
+    for taken in all.iter_mut().filter(|taken| !taken.is_absorbed) {
         let why =
             "the runs kept for checking had a part in the calibration of tyres and floor under which it was found";
         taken.reserved.push(why.to_owned());
@@ -103,7 +118,7 @@ pub(super) fn reserve_calibrated(all: &mut [Taken]) {
 /// Where much is left names that are not proven by themselves may stand for what is missing. Those that nothing else speaks against, in words.
 pub(super) fn doubt_beside_a_rest(all: &mut [Taken]) -> Option<String> {
     let mut names = Vec::new();
-    for taken in all.iter_mut().filter(|taken| !taken.tiny && !taken.is_proven()) {
+    for taken in all.iter_mut().filter(|taken| !taken.is_absorbed && !taken.is_proven()) {
         let name = taken.finalist.member.candidate.entry.name;
         let is_unquestioned = taken.doubts().is_empty() && taken.reservations().is_empty();
         if is_unquestioned && taken.other_names().is_empty() && !names.contains(&name) {
@@ -150,7 +165,7 @@ mod tests {
     #[test]
     fn under_a_calibration_of_all_open_runs_names_are_told_why_they_are_not_confirmed() {
         let mut all = [Taken::sample(OFFSET, 40.0), Taken::sample("gyro_bias", 40.0)];
-        all[1].tiny = true;
+        all[1].is_absorbed = true;
         reserve_calibrated(&mut all);
         let told = all[0].reservations();
         assert!(
@@ -164,7 +179,7 @@ mod tests {
     #[test]
     fn beside_tyres_that_nobody_knows_only_what_explains_most_is_confirmed() {
         let small = Taken {
-            tiny: true,
+            is_absorbed: true,
             ..Taken::sample("motor_lag", 90.0)
         };
         let mut all = [
@@ -192,7 +207,7 @@ mod tests {
         assert_eq!(reserved(vec![Taken::sample(OFFSET, 40.0), wide(30.0)]), [0, 1]);
         assert_eq!(reserved(vec![Taken::sample(OFFSET, 20.0), wide(30.0)]), [0, 0]);
         let calibration = Taken {
-            tiny: true,
+            is_absorbed: true,
             ..Taken::sample(OFFSET, 40.0)
         };
         assert_eq!(
@@ -237,7 +252,7 @@ mod tests {
             in_turn
         };
         let calibration = Taken {
-            tiny: true,
+            is_absorbed: true,
             ..Taken::sample("motor_lag", 4.0)
         };
         let mut all = [
@@ -267,28 +282,68 @@ mod tests {
 
     #[test]
     fn only_a_sure_change_vouches_for_a_small_one_and_not_for_one_of_which_there_may_be_none() {
-        let tiny = |mut all: Vec<Taken>| {
+        let absorbed = |mut all: Vec<Taken>| {
             calibrate_small(&mut all);
-            all.iter().map(|taken| taken.tiny).collect::<Vec<bool>>()
+            all.iter().map(|taken| taken.is_absorbed).collect::<Vec<bool>>()
         };
-        assert_eq!(tiny(vec![small(false)]), [true], "alone");
+        assert_eq!(absorbed(vec![small(false)]), [true], "alone");
         let surely = |on_average: bool| Taken {
             threshold: small(on_average).threshold / 3.0,
             ..small(on_average)
         };
-        assert_eq!(tiny(vec![surely(false)]), [false], "twelve thresholds");
-        assert_eq!(tiny(vec![surely(true)]), [true], "of nothing on average");
-        assert_eq!(tiny(vec![Taken::sample("payload", 4.0), small(false)]), [false, false]);
-        assert_eq!(tiny(vec![Taken::sample("payload", 4.0), small(true)]), [false, true]);
+        assert_eq!(absorbed(vec![surely(false)]), [false], "twelve thresholds");
+        assert_eq!(absorbed(vec![surely(true)]), [true], "of nothing on average");
         assert_eq!(
-            tiny(vec![small(false), small(false)]),
+            absorbed(vec![Taken::sample("payload", 4.0), small(false)]),
+            [false, false]
+        );
+        assert_eq!(
+            absorbed(vec![Taken::sample("payload", 4.0), small(true)]),
+            [false, true]
+        );
+        assert_eq!(
+            absorbed(vec![small(false), small(false)]),
             [true, true],
             "none vouches for the other"
         );
         let calibrated = Taken {
-            tiny: true,
+            is_absorbed: true,
             ..Taken::sample("payload", 4.0)
         };
-        assert_eq!(tiny(vec![calibrated, small(false)]), [true, true]);
+        assert_eq!(absorbed(vec![calibrated, small(false)]), [true, true]);
+    }
+
+    #[test]
+    fn friction_below_the_twins_own_smoothing_is_calibration_beside_what_explains_more() {
+        let absorbed = |mut all: Vec<Taken>| {
+            calibrate_smoothed(&mut all);
+            all.iter().map(|taken| taken.is_absorbed).collect::<Vec<bool>>()
+        };
+        let name = |thresholds| Taken::sample("coulomb_friction", thresholds);
+        assert_eq!(absorbed(vec![name(40.0), Taken::stribeck(20.0, 0.15)]), [false, true]);
+        assert_eq!(
+            absorbed(vec![name(40.0), Taken::stribeck(20.0, 0.6)]),
+            [false, false],
+            "faster"
+        );
+        assert_eq!(
+            absorbed(vec![name(10.0), Taken::stribeck(20.0, 0.15)]),
+            [false, false],
+            "explains most"
+        );
+        assert_eq!(
+            absorbed(vec![Taken::stribeck(20.0, 0.15)]),
+            [false],
+            "nothing else is named"
+        );
+        let mut all = vec![name(40.0), Taken::stribeck(20.0, 0.15)];
+        assert_eq!(all[1].correction(), None, "a name");
+        calibrate_smoothed(&mut all);
+        assert!(
+            all[1]
+                .correction()
+                .is_some_and(|words| words.contains("below 0.3 rad/s"))
+        );
+        assert_eq!(all[0].correction(), None);
     }
 }

@@ -186,7 +186,7 @@ impl Choice<'_> {
                 alternatives,
                 excluded: Vec::new(),
                 threshold: CONTRADICTED,
-                tiny: false,
+                is_absorbed: false,
                 evenness: None,
                 but_best: None,
                 may_be_none: false,

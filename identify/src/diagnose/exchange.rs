@@ -332,5 +332,5 @@ fn replace(own: &mut Taken, rival: &Finalist) {
     // What could not be told from the name that went says nothing about the one that came.
     own.excluded.append(&mut own.alternatives);
     own.excluded.push(stood);
-    own.tiny = own.finalist.size < super::TINY;
+    own.is_absorbed = own.finalist.size < super::TINY;
 }

@@ -1,6 +1,6 @@
 //! What was named, fitted on all open runs.
 
-use super::beside::{calibrate_small, reserve_rests, reserve_wide};
+use super::beside::{calibrate_small, calibrate_smoothed, reserve_rests, reserve_wide};
 use super::evenness::evenness;
 use super::interval::may_be_none;
 use super::prepared::{Prepared, prepare};
@@ -80,7 +80,7 @@ pub(super) fn finish(
             taken.finalist.size = member.candidate.size(&member.values);
             // What a model says of losses already is no news whatever its size.
             if member.candidate.entry.name != LOST {
-                taken.tiny = taken.finalist.size < TINY;
+                taken.is_absorbed = taken.finalist.size < TINY;
             }
         }
         for position in 0..fit.members.len() {
@@ -90,6 +90,7 @@ pub(super) fn finish(
             case.taken[position].may_be_none_on_average = on_average;
         }
         calibrate_small(&mut case.taken);
+        calibrate_smoothed(&mut case.taken);
         reserve_rests(&mut case.taken);
         reserve_wide(&mut case.taken);
         let after = with_members(&case.floor.model, &fit.members);

@@ -14,7 +14,7 @@ pub(super) fn unchecked<'a>(case: &'a Case) -> Option<&'a Finalist> {
 
 /// What the report suspects: taken into the model without proof, or, when nothing is named, what could not be checked.
 pub(super) fn suspect<'a>(case: &'a Case) -> Option<&'a Finalist> {
-    let mut named = case.taken.iter().filter(|taken| !taken.tiny).peekable();
+    let mut named = case.taken.iter().filter(|taken| !taken.is_absorbed).peekable();
     if named.peek().is_none() {
         return unchecked(case);
     }
@@ -27,7 +27,11 @@ pub(super) fn suspect<'a>(case: &'a Case) -> Option<&'a Finalist> {
 ///
 /// - `is_open`: nothing is named.
 pub(super) fn nearest(case: &Case, is_open: bool) -> Option<String> {
-    if case.taken.iter().any(|taken| !taken.tiny && taken.suspected.is_some()) {
+    if case
+        .taken
+        .iter()
+        .any(|taken| !taken.is_absorbed && taken.suspected.is_some())
+    {
         return None;
     }
     let unchecked = unchecked(case).filter(|_| is_open);

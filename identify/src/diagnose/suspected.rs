@@ -29,7 +29,7 @@ pub(super) fn take_suspect(
     members: &mut Vec<Member>,
     [train, validation]: [&mut Prepared; 2],
 ) -> Result<Option<(&'static str, Floor)>, DiagnoseError> {
-    let is_open = case.taken.iter().all(|taken| taken.tiny) && case.arrived.is_empty();
+    let is_open = case.taken.iter().all(|taken| taken.is_absorbed) && case.arrived.is_empty();
     let Some(stop) = case.last.as_ref().filter(|_| is_open) else {
         return Ok(None);
     };
@@ -93,7 +93,7 @@ pub(super) fn take_suspect(
     let taken = Taken {
         excluded: excluded.cloned().collect(),
         threshold: stop.threshold,
-        tiny: false,
+        is_absorbed: false,
         evenness: None,
         but_best: None,
         may_be_none: false,
@@ -127,20 +127,20 @@ pub(super) fn drop_doubtful(
     let (is_fitted, inflation) = (case.fit.is_some(), case.floor.inflation());
     let is_seen = seen_in_the_gap(case, members);
     let is_beside_sure = case.taken.iter().any(Taken::vouches);
-    let is_alone = case.taken.iter().filter(|taken| !taken.tiny).count() == 1;
+    let is_alone = case.taken.iter().filter(|taken| !taken.is_absorbed).count() == 1;
     let why = |(taken, is_seen): (&Taken, &bool)| {
-        if taken.suspected.is_some() && (taken.tiny || !is_fitted) {
+        if taken.suspected.is_some() && (taken.is_absorbed || !is_fitted) {
             return Some("hardly any of it is left on all open runs together".to_owned());
         }
         // On healthy robots a wheel that slides for a moment as no law has it passes a threshold by itself: all other windows have to say what chance does not.
         let is_once = taken.but_best.is_some_and(|gain| gain < taken.threshold / inflation);
-        if is_once && !taken.tiny {
+        if is_once && !taken.is_absorbed {
             return Some(
                 "without the stretch of two seconds that speaks most for it, it explains no more than chance may"
                     .to_owned(),
             );
         }
-        let is_doubted = !taken.tiny && taken.independent_doubts(is_beside_sure, is_alone) >= TOO_MANY;
+        let is_doubted = !taken.is_absorbed && taken.independent_doubts(is_beside_sure, is_alone) >= TOO_MANY;
         (is_doubted && !is_seen).then(|| format!("is doubted more than once: {}", taken.doubts().join("; ")))
     };
     let doubtful: Vec<Option<String>> = case.taken.iter().zip(&is_seen).map(why).collect();
@@ -173,7 +173,7 @@ pub(super) fn drop_doubtful(
 fn seen_in_the_gap(case: &Case, members: &[Member]) -> Vec<bool> {
     let mut gap = ValidationGap::default();
     let mut is_seen = |(position, taken): (usize, &Taken)| {
-        let is_asked = !taken.tiny && taken.is_held_out() && taken.doubts().len() >= TOO_MANY;
+        let is_asked = !taken.is_absorbed && taken.is_held_out() && taken.doubts().len() >= TOO_MANY;
         if !is_asked || members.len() != case.taken.len() {
             return false;
         }
@@ -188,7 +188,7 @@ fn seen_in_the_gap(case: &Case, members: &[Member]) -> Vec<bool> {
 
 /// Names that less speaks for than is asked, and the others.
 pub(super) fn names_by_weight(case: &Case) -> (Vec<&'static str>, Vec<&'static str>) {
-    let names = case.taken.iter().filter(|taken| !taken.tiny);
+    let names = case.taken.iter().filter(|taken| !taken.is_absorbed);
     let (weak, others): (Vec<&Taken>, Vec<&Taken>) = names.partition(|taken| taken.is_shown_together);
     let of = |all: Vec<&Taken>| {
         all.iter()
@@ -206,7 +206,7 @@ pub(super) fn is_weak_alone(case: &Case) -> bool {
 
 /// Takes out names that less speaks for than is asked: that they are none is no disagreement. The verdict without them.
 pub(super) fn without_weak(case: &mut Case) -> Verdict {
-    case.taken.retain(|taken| taken.tiny);
+    case.taken.retain(|taken| taken.is_absorbed);
     case.levels.after = case.levels.before.clone();
     case.energies = case.energies.unnamed();
     verdict(case)

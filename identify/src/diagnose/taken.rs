@@ -24,7 +24,8 @@ pub(super) struct Taken {
     pub alternatives: Vec<Finalist>,
     pub excluded: Vec<Finalist>,
     pub threshold: f64,
-    pub tiny: bool,
+    /// In the model, and no name: too small to matter, or a correction of a law of the twin.
+    pub is_absorbed: bool,
     /// How far its size differs from window to window; unknown when few windows tell it.
     pub evenness: Option<Evenness>,
     /// What its size goes with.
@@ -60,7 +61,7 @@ impl Taken {
             .map(|(_, finalist)| finalist.clone())
             .collect();
         Taken {
-            tiny: finalist.size < TINY,
+            is_absorbed: finalist.size < TINY,
             finalist,
             alternatives,
             excluded,
@@ -193,7 +194,7 @@ impl Taken {
 
     /// It is a change for sure, which vouches that this robot is not as it was.
     pub fn vouches(&self) -> bool {
-        let is_change = !self.tiny && self.finalist.size >= 1.0 && self.other_names().is_empty();
+        let is_change = !self.is_absorbed && self.finalist.size >= 1.0 && self.other_names().is_empty();
         is_change && self.doubts().is_empty() && self.reservations().is_empty()
     }
 
@@ -233,16 +234,28 @@ impl Taken {
         trend.into_iter().chain(rest).collect()
     }
 
-    /// Why friction that rises towards standstill may be none of the robot: the twin's own dry friction changes its sign smoothly there.
-    fn smoothed(&self) -> Option<String> {
+    /// It is friction that rises towards standstill below the speed over which the twin's own dry friction changes its sign smoothly: it may be none of the robot.
+    pub(super) fn is_smoothed(&self) -> bool {
         let member = &self.finalist.member;
-        let axis = member.candidate.axes.iter().position(|axis| axis.name == "speed")?;
-        let speed = *member.values.get(axis)?;
-        let is_within = member.candidate.entry.name == STRIBECK && speed < COULOMB_SCALE_RAD_PER_S;
-        is_within.then(|| {
+        let axis = member.candidate.axes.iter().position(|axis| axis.name == "speed");
+        let speed = axis.and_then(|axis| member.values.get(axis));
+        member.candidate.entry.name == STRIBECK && speed.is_some_and(|speed| *speed < COULOMB_SCALE_RAD_PER_S)
+    }
+
+    /// Why it cannot be confirmed then.
+    fn smoothed(&self) -> Option<String> {
+        self.is_smoothed().then(|| {
             format!(
-                "{STRIBECK}: most of it acts below {COULOMB_SCALE_RAD_PER_S} rad/s, where the twin lets dry friction fall smoothly to nothing, so it may only make up for that; predictions are better with it, and this twin cannot confirm it"
+                "{}, so it may only make up for that; predictions are better with it, and this twin cannot confirm it",
+                smoothed_at()
             )
+        })
+    }
+
+    /// What a reader should know of a correction that is no name.
+    pub fn correction(&self) -> Option<String> {
+        (self.is_absorbed && self.is_smoothed()).then(|| {
+            format!("{}, and another name explains more; it is in the model as a correction of that, predictions are better with it, and it is not named", smoothed_at())
         })
     }
 
@@ -265,6 +278,13 @@ impl Taken {
     }
 }
 
+/// Where such friction acts.
+fn smoothed_at() -> String {
+    format!(
+        "{STRIBECK}: most of it acts below {COULOMB_SCALE_RAD_PER_S} rad/s, where the twin lets dry friction fall smoothly to nothing"
+    )
+}
+
 #[cfg(test)]
 impl Taken {
     /// An effect that gains so many thresholds.
@@ -285,7 +305,7 @@ impl Taken {
             alternatives: Vec::new(),
             excluded: Vec::new(),
             threshold: 30.0,
-            tiny: false,
+            is_absorbed: false,
             evenness: None,
             but_best: None,
             may_be_none: false,
@@ -297,6 +317,17 @@ impl Taken {
             is_beside_a_large_rest: false,
             reserved: Vec::new(),
         }
+    }
+
+    /// A Stribeck curve of such a speed, rad/s.
+    pub fn stribeck(thresholds: f64, speed: f64) -> Taken {
+        let mut stribeck = Taken::sample(STRIBECK, thresholds);
+        let axes = &stribeck.finalist.member.candidate.axes;
+        let Some(axis) = axes.iter().position(|axis| axis.name == "speed") else {
+            panic!("a Stribeck curve has a speed");
+        };
+        stribeck.finalist.member.values[axis] = speed;
+        stribeck
     }
 }
 
@@ -457,15 +488,7 @@ mod tests {
 
     #[test]
     fn friction_slower_than_the_twins_own_smoothing_is_not_confirmed() {
-        let of = |speed: f64| {
-            let mut stribeck = Taken::sample(STRIBECK, 20.0);
-            let axes = &stribeck.finalist.member.candidate.axes;
-            let Some(axis) = axes.iter().position(|axis| axis.name == "speed") else {
-                panic!("a Stribeck curve has a speed");
-            };
-            stribeck.finalist.member.values[axis] = speed;
-            stribeck.reservations()
-        };
+        let of = |speed: f64| Taken::stribeck(20.0, speed).reservations();
         assert!(matches!(&of(0.2)[..], [one] if one.contains("below 0.3 rad/s")));
         assert!(of(0.5).is_empty());
     }
@@ -473,19 +496,8 @@ mod tests {
     /// What makes up for the twin's own smoothing is no reason to drop a right name beside it.
     #[test]
     fn friction_that_is_smoothed_may_be_proven_and_does_not_vouch() {
-        let mut stribeck = Taken::sample(STRIBECK, 20.0);
+        let mut stribeck = Taken::stribeck(20.0, 0.2);
         stribeck.finalist.change_validation = stribeck.finalist.gain_validation;
-        for (value, axis) in stribeck
-            .finalist
-            .member
-            .values
-            .iter_mut()
-            .zip(&stribeck.finalist.member.candidate.axes)
-        {
-            if axis.name == "speed" {
-                *value = 0.2;
-            }
-        }
         assert!(stribeck.is_proven() && !stribeck.vouches());
     }
 

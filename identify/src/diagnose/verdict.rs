@@ -35,7 +35,7 @@ pub(super) fn verdict(case: &Case) -> Verdict {
         let (energies, levels) = &case.unnamed;
         is_open || energies.all.before > energies.all.limit || louder(levels).is_some()
     };
-    let naming: Vec<&Taken> = case.taken.iter().filter(|taken| !taken.tiny).collect();
+    let naming: Vec<&Taken> = case.taken.iter().filter(|taken| !taken.is_absorbed).collect();
     if naming.is_empty() {
         return if real {
             Verdict::Unexplained
