@@ -113,7 +113,8 @@ impl SensorSet {
         for acceleration in &mut sensors.accel_m_per_s2 {
             *acceleration += self.error(self.noise.accel_m_per_s2);
         }
-        sensors.steering_rad = body.steering_rad() + self.error(self.noise.steering_rad);
+        // At the servo, in front of play, offset and scale.
+        sensors.steering_rad = body.servo_rad() + self.error(self.noise.steering_rad);
         sensors
     }
 

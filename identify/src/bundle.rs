@@ -83,7 +83,14 @@ impl Bundle {
         check_wheels(&run.robot, &telemetry)?;
         check_angles(&telemetry)?;
         check_positions(&telemetry)?;
-        let remarks = remarks(&run, &telemetry);
+        let (telemetry, undriven) = telemetry.while_driven();
+        let mut remarks = remarks(&run, &telemetry);
+        remarks.extend(undriven.iter().map(|[from_s, to_s]| Remark {
+            column: Channel::SequenceSent.name(),
+            message: format!(
+                "frames without set-points from {from_s} s to {to_s} s: the robot braked by itself, these rows are left out"
+            ),
+        }));
         Ok(Bundle {
             run,
             robot,

@@ -10,6 +10,7 @@ pub mod bundle;
 pub mod channel;
 pub mod compare;
 pub mod diagnose;
+mod driven;
 pub mod errors;
 pub mod fit;
 pub mod floor;

@@ -39,9 +39,8 @@ pub(super) fn judge(data: &Round, fitted: &Fitted, threshold: f64) -> Finalist {
         finalist.because = gate(data, &finalist, threshold);
         return finalist;
     }
-    let alone = with_members(data.model, core::slice::from_ref(&finalist.member));
     let model = if fitted.joint.is_empty() {
-        alone.clone()
+        with_members(data.model, core::slice::from_ref(&finalist.member))
     } else {
         with_members(&data.floor.model, &fitted.joint)
     };
@@ -69,7 +68,8 @@ pub(super) fn judge(data: &Round, fitted: &Fitted, threshold: f64) -> Finalist {
         );
     }
     if let Some(metric) = data.reference_metric {
-        finalist.in_references = amplitude_in_references(data.floor, metric, &alone, own_stages).unwrap_or(0.0);
+        let there = with_members(&data.floor.model, core::slice::from_ref(&finalist.member));
+        finalist.in_references = amplitude_in_references(data.floor, metric, &there, own_stages).unwrap_or(0.0);
     }
     finalist.because = gate(data, &finalist, threshold);
     let is_asked = finalist.because.is_some() && finalist.is_unshown && finalist.gain_train >= threshold;
@@ -270,6 +270,9 @@ pub(super) fn rest_energies(metric: &Metric, run: usize, record: &Record, vector
         .collect()
 }
 
+/// How much of an effect the references have, 1 for all of it; `None` when they would hardly show it.
+///
+/// - `model`: the floor's with the effect alone; what else is named was not there when they were driven.
 pub(super) fn amplitude_in_references(
     floor: &Floor,
     metric: &Metric,

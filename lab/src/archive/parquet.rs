@@ -168,12 +168,13 @@ impl TelemetryTable {
     }
 
     fn take_command(&mut self, command: &Command) {
-        let mut cells = place(&self.layout.command_wheel, &command.wheel_rad_per_s);
-        cells.extend(
-            self.layout
-                .steering
-                .map(|[command_column, _]| (command_column, command.steering_rad)),
-        );
+        let mut cells = Vec::new();
+        // A robot that is not to be driven brakes by itself: its frames hold no set-points.
+        if command.enable {
+            cells.extend(place(&self.layout.command_wheel, &command.wheel_rad_per_s));
+            let steering = self.layout.steering;
+            cells.extend(steering.map(|[command_column, _]| (command_column, command.steering_rad)));
+        }
         cells.extend(
             command
                 .target_m
