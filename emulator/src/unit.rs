@@ -169,6 +169,8 @@ impl Unit {
     pub(crate) fn change(&mut self, hidden: &Hidden) -> Result<(), BodyError> {
         self.hidden = hidden.robot(&self.robot.description.name);
         self.sensors.change(&self.hidden);
+        self.settings.smoothing_s = self.hidden.wear.motor_lag_s;
+        self.firmware.set_smoothing(self.settings.smoothing_s);
         if self.on_floor {
             self.place(self.body.pose(), hidden)?;
         }

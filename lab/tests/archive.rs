@@ -302,6 +302,24 @@ fn parquet_rows_are_the_records() {
     );
 }
 
+/// Zeros are no set-points of a robot that brakes by a ramp of its own.
+#[test]
+fn frames_that_do_not_drive_have_a_number_and_no_set_points() {
+    let mut records = fixture::records(TICKS, true);
+    for record in &mut records {
+        if let Record::Command(command) = record
+            && command.tick >= TICKS - 5
+        {
+            command.enable = false;
+        }
+    }
+    let table = table(&build(&records, 0), "omni-01");
+    let count = |name: &str| column(&table, name).len() as i64;
+    assert_eq!(count("command_seq_sent"), TICKS);
+    assert_eq!(count("command_wheel_0_rad_per_s"), TICKS - 5);
+    assert_eq!(count("wheel_0_rad_per_s"), TICKS);
+}
+
 #[test]
 fn a_journal_cut_off_by_a_crash_gives_a_partial_archive_that_opens() {
     let built = build(&fixture::records(TICKS, false), 17);

@@ -328,6 +328,11 @@ impl Firmware {
         }
     }
 
+    /// Sets anew how the motors' controllers smooth their set-points ([`Settings::smoothing_s`]).
+    pub fn set_smoothing(&mut self, smoothing_s: f64) {
+        self.settings.smoothing_s = smoothing_s;
+    }
+
     /// One sample of the motors' control between two steps; returns the voltages until the next.
     pub fn motor_step(&mut self, sensors: &MotorSensors) -> [f64; MAX_MOTORS] {
         let settings = self.settings.motor;

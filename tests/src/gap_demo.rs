@@ -103,6 +103,7 @@ fn cases() -> Vec<Case> {
             hide: json!({"fault": {"number": 5, "kind": "delay_frames", "delay_ms": 11.0}}),
             index: None,
         },
+        of_robot("motor_lag", "0.05 s", "diff-01", &json!({"time_constant_s": 0.05})),
         of_robot("gyro_bias", "0.03 rad/s", "diff-01", &json!({"bias_rad_per_s": 0.03})),
         of_robot(
             "center_of_mass_offset",

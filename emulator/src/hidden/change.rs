@@ -19,6 +19,8 @@ pub enum Change {
     Payload { robot: String, mass_share: f64 },
     /// Dry friction added to every motor, at the wheel.
     CoulombFriction { robot: String, torque_n_m: f64 },
+    /// Added to the time with which the motors' controllers smooth their set-points.
+    MotorLag { robot: String, time_constant_s: f64 },
     /// Viscous friction added to every motor, at the wheel.
     ViscousFriction { robot: String, coefficient_n_m_s: f64 },
     /// Play added between every motor and its wheel, at the wheel.
@@ -79,6 +81,7 @@ impl Change {
             | Self::WeakMotor { robot, .. }
             | Self::Payload { robot, .. }
             | Self::CoulombFriction { robot, .. }
+            | Self::MotorLag { robot, .. }
             | Self::ViscousFriction { robot, .. }
             | Self::GearBacklash { robot, .. }
             | Self::WheelRadiusOne { robot, .. }
@@ -166,7 +169,7 @@ impl Change {
             }
             Self::BatterySag { resistance_ohm, .. } => within("resistance_ohm", resistance_ohm, [0.0, 3.0], "0..=3"),
             Self::SteeringScale { scale, .. } => within("scale", scale, [0.3, 2.0], "0.3..=2"),
-            Self::SteeringLag { time_constant_s, .. } => {
+            Self::MotorLag { time_constant_s, .. } | Self::SteeringLag { time_constant_s, .. } => {
                 within("time_constant_s", time_constant_s, [0.0, 1.0], "0..=1")
             }
             Self::RollingResistance { coefficient } => within("coefficient", coefficient, [0.0, 0.3], "0..=0.3"),
@@ -246,6 +249,7 @@ fn change_robot(robot: &mut HiddenRobot, change: &Change) {
         }
         Change::CoulombFriction { torque_n_m, .. } => robot.wear.coulomb_n_m += torque_n_m,
         Change::GyroBias { bias_rad_per_s, .. } => robot.gyro_bias_rad_per_s += bias_rad_per_s,
+        Change::MotorLag { time_constant_s, .. } => robot.wear.motor_lag_s += time_constant_s,
         Change::ViscousFriction { coefficient_n_m_s, .. } => robot.wear.viscous_n_m_s += coefficient_n_m_s,
         Change::GearBacklash { play_rad, .. } => robot.half_backlash_rad += 0.5 * play_rad,
         Change::WheelRadiusOne { wheel, relative, .. } => {
