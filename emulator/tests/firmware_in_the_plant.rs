@@ -309,6 +309,10 @@ fn the_hand_refuses_what_cannot_stand() {
             "diff-01 has no wheel 4; it has 4, from 0",
         ),
         (
+            r#"{"hide":{"effect":"wheel_misalignment","robot":"diff-01","wheel":2,"toe_rad":0.01}}"#,
+            "diff-01 has no direction or radius of its own at wheel 2, a caster",
+        ),
+        (
             r#"{"hide":{"effect":"weak_motor","robot":"diff-01","motor":2,"gain":0.8}}"#,
             "diff-01 has no motor 2; it has 2, from 0",
         ),

@@ -13,6 +13,9 @@ pub const RUN_FORMAT: &str = "robopheus.run/1";
 /// A pause in the time stamps longer than this is listed, s.
 pub const LONG_PAUSE_S: f64 = 0.5;
 
+/// A robot that comes to rest by itself for longer than this after its last set-points is worth telling, s.
+const LONG_END_S: f64 = 2.0;
+
 /// What `time_s` means.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -83,17 +86,16 @@ impl Bundle {
         check_wheels(&run.robot, &telemetry)?;
         check_angles(&telemetry)?;
         check_positions(&telemetry)?;
-        let (telemetry, undriven) = telemetry.while_driven();
+        let (telemetry, left_out_s) = telemetry.while_driven();
         let mut remarks = remarks(&run, &telemetry);
-        let last_s = telemetry.time_s.last().copied().unwrap_or(0.0);
-        // That a robot brakes in the end is as it should be.
-        let within = undriven.iter().filter(|[from_s, _]| *from_s < last_s);
-        remarks.extend(within.map(|[from_s, to_s]| Remark {
-            column: Channel::SequenceSent.name(),
-            message: format!(
-                "frames hold no set-points between {from_s} s and {to_s} s, so the robot braked by itself; these rows are not compared"
-            ),
-        }));
+        if left_out_s > LONG_END_S {
+            remarks.push(Remark {
+                column: Channel::SequenceSent.name(),
+                message: format!(
+                    "the last {left_out_s:.1} s hold frames without set-points: the robot came to rest by itself, they are not compared"
+                ),
+            });
+        }
         Ok(Bundle {
             run,
             robot,

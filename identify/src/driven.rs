@@ -1,76 +1,47 @@
-//! When a robot was driven by set-points, and when it braked by itself.
+//! When a robot was driven by set-points, and when it came to rest by itself.
 
 use crate::channel::Channel;
 use crate::telemetry::{Series, Telemetry};
 
+/// Share of the frames before the last set-points that hold some, in logs that write them with every frame and not with every change.
+const EVERY_FRAME: f64 = 0.9;
+
 impl Telemetry {
-    /// The same without the rows in which frames were sent and no set-points, and these spans, s: the robot brakes by itself then, by a ramp that no set-point
-    /// shows.
+    /// The same without the rows at its end in which frames were sent and no set-points, and how long these are, s: a robot whose run has ended brakes by a
+    /// ramp of its own, which no set-point shows.
     ///
-    /// Nothing is left out before the first set-points, nor where most frames stand in rows of their own.
-    pub fn while_driven(mut self) -> (Telemetry, Vec<[f64; 2]>) {
-        let spans = self.undriven_rows();
-        let of = |[from, to]: &[usize; 2]| [self.time_s[*from], self.time_s[to - 1]];
-        let times: Vec<[f64; 2]> = spans.iter().map(of).collect();
-        if !spans.is_empty() {
-            self.leave_out(&spans);
-        }
-        (self, times)
-    }
-
-    /// Rows from the first frame without set-points to the next one with some.
-    fn undriven_rows(&self) -> Vec<[usize; 2]> {
-        let Some(frames) = self.series(Channel::SequenceSent) else {
-            return Vec::new();
+    /// Nothing is left out where frames without set-points stand between others: set-points may be written when they change.
+    pub fn while_driven(mut self) -> (Telemetry, f64) {
+        let Some(end) = self.first_row_after_set_points() else {
+            return (self, 0.0);
         };
-        let mut has_set_points = vec![false; self.time_s.len()];
-        let commands = self.channels.iter().filter(|(channel, _)| channel.is_command());
-        for row in commands.flat_map(|(_, series)| &series.rows) {
-            has_set_points[*row as usize] = true;
+        let last_s = self.time_s.last().copied().unwrap_or(0.0);
+        let left_out_s = last_s - self.time_s[end];
+        self.time_s.truncate(end);
+        for series in self.channels.values_mut() {
+            let kept = series.rows.partition_point(|row| (*row as usize) < end);
+            series.rows.truncate(kept);
+            series.values.truncate(kept);
         }
-        let with = frames.rows.iter().filter(|row| has_set_points[**row as usize]).count();
-        if 2 * with < frames.rows.len() {
-            return Vec::new();
-        }
-        let first = has_set_points.iter().position(|has| *has).unwrap_or(self.time_s.len());
-        let mut spans: Vec<[usize; 2]> = Vec::new();
-        let mut is_open = false;
-        for row in frames.rows.iter().map(|row| *row as usize).filter(|row| *row > first) {
-            match (has_set_points[row], spans.last_mut()) {
-                (true, Some(last)) if is_open => last[1] = row,
-                (false, _) if !is_open => spans.push([row, self.time_s.len()]),
-                _ => {}
-            }
-            is_open = !has_set_points[row];
-        }
-        spans
+        self.channels.retain(|_, series| !series.rows.is_empty());
+        (self, left_out_s)
     }
 
-    fn leave_out(&mut self, spans: &[[usize; 2]]) {
-        let is_kept = |row: usize| !spans.iter().any(|[from, to]| (*from..*to).contains(&row));
-        let mut next = 0;
-        let numbers: Vec<Option<u32>> = (0..self.time_s.len())
-            .map(|row| {
-                is_kept(row).then(|| {
-                    next += 1;
-                    next - 1
-                })
-            })
+    /// The first frame after all set-points.
+    fn first_row_after_set_points(&self) -> Option<usize> {
+        let frames = &self.series(Channel::SequenceSent)?.rows;
+        let commands: Vec<&Series> = self
+            .channels
+            .iter()
+            .filter(|(channel, _)| channel.is_command())
+            .map(|(_, series)| series)
             .collect();
-        let mut row = 0;
-        self.time_s.retain(|_| {
-            row += 1;
-            numbers[row - 1].is_some()
-        });
-        for series in self.channels.values_mut() {
-            let pairs = series.rows.iter().zip(&series.values);
-            let (rows, values) = pairs
-                .filter_map(|(row, value)| Some((numbers[*row as usize]?, *value)))
-                .unzip();
-            *series = Series { rows, values };
-        }
-        let gone = self.channels.extract_if(.., |_, series| series.rows.is_empty());
-        self.empty.extend(gone.map(|(channel, _)| channel));
+        let last = commands.iter().filter_map(|series| series.rows.last()).max()?;
+        let before = frames.partition_point(|row| row <= last);
+        let end = *frames.get(before)?;
+        let holds = |row: &&u32| commands.iter().any(|series| series.rows.binary_search(row).is_ok());
+        let with = frames[..before].iter().filter(holds).count();
+        (with as f64 >= EVERY_FRAME * before as f64 && with > 0).then_some(end as usize)
     }
 }
 
@@ -88,10 +59,10 @@ mod tests {
 
     #[test]
     fn rows_after_the_last_set_points_are_left_out_while_frames_go_on() {
-        let (driven, spans) =
-            read("0,1,,1\n0.1,,0.9,\n0.2,2,,2\n0.3,,1.8,\n0.4,,,3\n0.5,,1.2,\n0.6,,,4\n0.7,,0.1,\n").while_driven();
+        let rows = "0,1,,1\n0.1,,0.9,\n0.2,2,,2\n0.3,,1.8,\n0.4,,,3\n0.5,,1.2,\n0.6,,,4\n0.7,,0.1,\n";
+        let (driven, left_out_s) = read(rows).while_driven();
         assert_eq!(driven.time_s, [0.0, 0.1, 0.2, 0.3]);
-        assert_eq!(spans, [[0.4, 0.7]]);
+        assert!((left_out_s - 0.3).abs() < 1e-12);
         let speeds = driven
             .series(Channel::WheelSpeed(0))
             .map(|series| series.values.clone());
@@ -101,18 +72,19 @@ mod tests {
     }
 
     #[test]
-    fn a_pause_between_set_points_is_a_pause_of_the_rows() {
-        let (driven, spans) = read("0,1,,1\n0.1,,0.9,\n0.2,,,2\n0.3,,0.4,\n0.4,1,,3\n0.5,,0.6,\n").while_driven();
-        assert_eq!((driven.time_s, spans), (vec![0.0, 0.1, 0.4, 0.5], vec![[0.2, 0.3]]));
-    }
-
-    #[test]
-    fn logs_whose_set_points_stand_elsewhere_and_those_without_frames_stay_whole() {
-        let elsewhere = read("0,1,,\n0.1,,0.9,1\n0.2,2,,\n0.3,,1.8,2\n");
-        assert_eq!(elsewhere.clone().while_driven(), (elsewhere, Vec::new()));
-        let changes_only = read("0,1,,\n0.1,,0.9,\n0.2,,1.0,\n0.3,,1.0,\n");
-        assert_eq!(changes_only.clone().while_driven(), (changes_only, Vec::new()));
-        let starts_later = read("0,,0,1\n0.1,1,,2\n0.2,1,,3\n0.3,,0.5,\n");
-        assert_eq!(starts_later.clone().while_driven(), (starts_later, Vec::new()));
+    fn logs_without_such_an_end_stay_whole() {
+        let whole = |rows: &str| {
+            let read = read(rows);
+            assert_eq!(read.clone().while_driven(), (read, 0.0), "{rows}");
+        };
+        whole("0,1,,1\n0.1,,0.9,\n0.2,2,,2\n0.3,,1.8,\n");
+        // Set-points in rows of their own, or none at all, or no frames.
+        whole("0,1,,\n0.1,,0.9,1\n0.2,2,,\n0.3,,1.8,2\n");
+        whole("0,,0,1\n0.1,,1,2\n0.2,,1,3\n");
+        whole("0,1,,\n0.1,,0.9,\n0.2,,1.0,\n0.3,,1.0,\n");
+        // Frames before the first set-points, and one that was lost between others.
+        whole("0,,0,1\n0.1,1,,2\n0.2,1,,3\n0.3,,0.5,\n");
+        // Set-points that are written when they change.
+        whole("0,1,,1\n0.1,,0.9,2\n0.2,2,,3\n0.3,,1.8,4\n0.4,3,,5\n0.5,,2.9,6\n");
     }
 }

@@ -118,29 +118,31 @@ fn odd_channels_are_remarked() {
     assert!(about("command_wheel_0_rad_per_s").is_empty());
 }
 
-/// A robot that gets frames without set-points brakes by a ramp of its own, which a replay of the set-points cannot know.
+/// A robot whose run has ended brakes by a ramp of its own, which a replay of the set-points cannot know.
 #[test]
-fn rows_in_which_a_robot_brakes_by_itself_are_left_out() {
+fn rows_in_which_a_robot_comes_to_rest_by_itself_are_left_out() {
     let head = "time_s,command_wheel_0_rad_per_s,wheel_0_rad_per_s,command_seq_sent\n";
-    let frames = |bundle: &Bundle| {
-        let told = bundle
+    let read = |end: &str| match parse(&format!("{head}0,2,1.9,1\n0.1,2,2,2\n0.2,,1.4,3\n{end},,0,4\n")) {
+        Ok(bundle) => bundle,
+        Err(error) => panic!("{error}"),
+    };
+    let told = |bundle: &Bundle| {
+        let own = bundle
             .remarks
             .iter()
             .filter(|remark| remark.column == "command_seq_sent");
-        told.map(|remark| remark.message.clone()).collect::<Vec<_>>()
+        own.map(|remark| remark.message.clone()).collect::<Vec<_>>()
     };
-    let Ok(ended) = parse(&format!("{head}0,2,1.9,1\n0.1,2,2,2\n0.2,,1.4,3\n0.3,,0,4\n")) else {
-        panic!("refused")
-    };
+    let ended = read("0.3");
     assert_eq!(ended.telemetry.time_s, [0.0, 0.1]);
-    assert_eq!(frames(&ended), [""; 0], "every run ends so");
-    let Ok(paused) = parse(&format!(
-        "{head}0,2,1.9,1\n0.1,2,2,2\n0.2,,1.4,3\n0.3,,0,4\n0.4,2,0,5\n"
-    )) else {
-        panic!("refused")
-    };
-    assert_eq!(paused.telemetry.time_s, [0.0, 0.1, 0.4]);
-    assert!(matches!(&frames(&paused)[..], [one] if one.contains("between 0.2 s and 0.3 s")));
+    assert_eq!(told(&ended), [""; 0], "every run ends so");
+    let long = read("9.2");
+    assert_eq!(long.telemetry.time_s, [0.0, 0.1]);
+    assert!(
+        matches!(&told(&long)[..], [one] if one.contains("the last 9.0 s")),
+        "{:?}",
+        told(&long)
+    );
 }
 
 #[test]

@@ -220,8 +220,8 @@ impl Pilot {
                 } else {
                     Still::Rest
                 };
-                self.rest(slot, still, outlet, sink);
                 let stopped_ticks = slot - *self.stopping_since.get_or_insert(slot);
+                self.rest(slot, still, outlet, sink);
                 let resting = stopped_ticks >= STOP_TICKS_LEAST && self.at_rest();
                 (resting || stopped_ticks >= STOP_TICKS_MOST).then_some(ending)
             }
@@ -362,13 +362,10 @@ impl Pilot {
         for (place, (robot, health)) in self.robots.iter_mut().zip(&self.health).enumerate() {
             let sent = outlet.still(place, still, link_tick(slot));
             robot.delay.sent(sent.sequence, sent.at_us, [0.0; 3]);
-            sink.push(Record::Command(command_record(
-                robot.number,
-                self.first_tick + slot,
-                &sent,
-                None,
-                health,
-            )));
+            sink.push(Record::Command(Command {
+                ended: self.stopping_since.is_some(),
+                ..command_record(robot.number, self.first_tick + slot, &sent, None, health)
+            }));
         }
         outlet.finish(link_tick(slot));
         // The team must not believe that its last command is still being followed.
@@ -474,5 +471,6 @@ fn command_record(robot: u8, tick: i64, sent: &Sent, output: Option<&TeamOutput>
         pose_age_us: health.pose_age_us,
         link_age_us: health.telemetry_age_us,
         finished: output.is_some_and(|output| output.finished),
+        ended: false,
     }
 }

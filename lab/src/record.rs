@@ -105,6 +105,9 @@ pub struct Command {
     /// Age of the last telemetry frame.
     pub link_age_us: i64,
     pub finished: bool,
+    /// The run has ended, and the robot comes to rest by itself.
+    #[serde(default)]
+    pub ended: bool,
 }
 
 /// One robot in one tracker frame.

@@ -157,6 +157,7 @@ impl VirtualRobot {
             pose_age_us: control::rehearsal::POSE_AGE_TICKS as i64 * 1_000_000 / TICK_HZ,
             link_age_us: 0,
             finished: output.finished,
+            ended: false,
         }
     }
 

@@ -304,13 +304,13 @@ fn parquet_rows_are_the_records() {
 
 /// Zeros are no set-points of a robot that brakes by a ramp of its own.
 #[test]
-fn frames_that_do_not_drive_have_a_number_and_no_set_points() {
+fn frames_after_the_end_have_a_number_and_no_set_points() {
     let mut records = fixture::records(TICKS, true);
     for record in &mut records {
         if let Record::Command(command) = record
             && command.tick >= TICKS - 5
         {
-            command.enable = false;
+            (command.enable, command.ended) = (false, true);
         }
     }
     let table = table(&build(&records, 0), "omni-01");

@@ -86,7 +86,7 @@ impl Archive {
         let batches: Vec<RecordBatch> = builder.build()?.collect::<Result<_, _>>()?;
         let command = |batch: &RecordBatch| {
             batch
-                .column_by_name("command_wheel_0_rad_per_s")
+                .column_by_name("command_seq_sent")
                 .map_or(0, |c| c.len() - c.null_count())
         };
         use arrow_array::{Array, Float64Array};
@@ -95,10 +95,10 @@ impl Archive {
                 .column_by_name("time_s")?
                 .as_any()
                 .downcast_ref::<Float64Array>()?;
-            let wheel = batch.column_by_name("command_wheel_0_rad_per_s")?;
+            let frame = batch.column_by_name("command_seq_sent")?;
             (0..times.len())
                 .rev()
-                .find(|row| wheel.is_valid(*row))
+                .find(|row| frame.is_valid(*row))
                 .map(|row| times.value(row))
         };
         Ok(ParquetSummary {

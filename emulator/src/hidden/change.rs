@@ -29,7 +29,7 @@ pub enum Change {
     WheelRadiusOne { robot: String, wheel: usize, relative: f64 },
     /// One wheel points this far to the left of where it is described.
     WheelMisalignment { robot: String, wheel: usize, toe_rad: f64 },
-    /// Distances of the wheels from the middle are larger by this share.
+    /// Distances of the wheels from the middle, of omni wheels along both axes and of others to the side, are larger by this share.
     TrackWidth { robot: String, relative: f64 },
     /// Against the free direction of each omni wheel.
     RollerDrag { robot: String, per_wheel_n_s_per_m: f64 },
@@ -111,6 +111,11 @@ impl Change {
             Self::WeakMotor { motor, .. } if motor >= motors => Some(format!("motor {motor}; it has {motors}, from 0")),
             Self::WheelRadiusOne { wheel, .. } | Self::WheelMisalignment { wheel, .. } if wheel >= wheels => {
                 Some(format!("wheel {wheel}; it has {wheels}, from 0"))
+            }
+            Self::WheelRadiusOne { wheel, .. } | Self::WheelMisalignment { wheel, .. }
+                if robot.wheels.get(wheel).is_some_and(|wheel| wheel.kind == "caster") =>
+            {
+                Some(format!("direction or radius of its own at wheel {wheel}, a caster"))
             }
             Self::RollerDrag { .. } if robot.wheels.iter().all(|wheel| wheel.kind != "omni") => {
                 Some("omni wheel".to_owned())

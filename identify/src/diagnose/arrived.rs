@@ -302,6 +302,7 @@ impl Question<'_> {
             sigma: (share * (1.0 - share) / bursts).sqrt(),
             taken: Taken {
                 is_absorbed: finalist.size < TINY || self.is_known(share),
+                corrects_beside: None,
                 finalist,
                 alternatives: Vec::new(),
                 excluded: Vec::new(),

@@ -175,7 +175,7 @@ fn without_names(case: &mut Case, verdict: Verdict) -> Hypothesis {
         case.located.clone_from(&case.located_unnamed);
     }
     case.taken
-        .retain(|taken| taken.is_absorbed && verdict == Verdict::NoDiscrepancy);
+        .retain(|taken| taken.is_absorbed && taken.corrects_beside.is_none() && verdict == Verdict::NoDiscrepancy);
     let is_lost = |taken: &Taken| taken.finalist.member.candidate.entry.name == LOST;
     if !case.taken.iter().any(is_lost) {
         take_back(case);

@@ -3,6 +3,7 @@
 use super::louder::Louder;
 use super::taken::Taken;
 use crate::hypothesis::LOST;
+use crate::select::Finalist;
 use twin::effect::library::Hook;
 
 /// What is below its practical size, and by its interval may be none, is calibration; losses are not, nor what gains so much that the interval is at fault
@@ -20,14 +21,28 @@ pub(super) fn calibrate_small(all: &mut [Taken]) {
     }
 }
 
-/// Friction below the speed over which the twin smooths its own is calibration of that law where another name explains more: a robot that was changed sticks
-/// and creeps where it did not before, and the twin does so otherwise.
-pub(super) fn calibrate_smoothed(all: &mut [Taken]) {
-    let gain = |taken: &Taken| taken.finalist.gain();
-    let names = all.iter().filter(|taken| !taken.is_absorbed && !taken.is_smoothed());
-    let most = names.map(gain).fold(0.0, f64::max);
-    for taken in all.iter_mut().filter(|taken| taken.is_smoothed() && gain(taken) < most) {
-        taken.is_absorbed = true;
+/// Friction below the speed over which the twin smooths its own is a correction of that law where another name explains more: a robot that was changed sticks
+/// and creeps where it did not before, and the twin does so otherwise. Nothing else is an alternative of it or has it for one then: both are in the model.
+pub(super) fn correct_smoothed(all: &mut [Taken]) {
+    let name = |taken: &Taken| taken.finalist.member.candidate.entry.name;
+    let names = all
+        .iter()
+        .filter(|taken| !taken.is_absorbed && !taken.is_smoothed() && name(taken) != LOST);
+    let most = names.max_by(|a, b| a.finalist.gain().total_cmp(&b.finalist.gain()));
+    let most = most.map(|taken| (name(taken), taken.finalist.gain()));
+    let mut corrected = None;
+    for taken in &mut *all {
+        taken.corrects_beside = None;
+        let is_asked = taken.is_smoothed() && !taken.is_absorbed && taken.suspected.is_none();
+        if let Some((other, _)) = most.filter(|(_, gain)| is_asked && taken.finalist.gain() < *gain) {
+            (taken.is_absorbed, taken.corrects_beside) = (true, Some(other));
+            corrected = Some(name(taken));
+        }
+    }
+    let is_corrected = |other: &Finalist| Some(other.member.candidate.entry.name) == corrected;
+    for taken in all.iter_mut().filter(|_| corrected.is_some()) {
+        taken.alternatives.retain(|other| !is_corrected(other));
+        taken.excluded.retain(|other| !is_corrected(other));
     }
 }
 
@@ -316,7 +331,7 @@ mod tests {
     #[test]
     fn friction_below_the_twins_own_smoothing_is_calibration_beside_what_explains_more() {
         let absorbed = |mut all: Vec<Taken>| {
-            calibrate_smoothed(&mut all);
+            correct_smoothed(&mut all);
             all.iter().map(|taken| taken.is_absorbed).collect::<Vec<bool>>()
         };
         let name = |thresholds| Taken::sample("coulomb_friction", thresholds);
@@ -338,7 +353,7 @@ mod tests {
         );
         let mut all = vec![name(40.0), Taken::stribeck(20.0, 0.15)];
         assert_eq!(all[1].correction(), None, "a name");
-        calibrate_smoothed(&mut all);
+        correct_smoothed(&mut all);
         assert!(
             all[1]
                 .correction()

@@ -187,6 +187,7 @@ impl Choice<'_> {
                 excluded: Vec::new(),
                 threshold: CONTRADICTED,
                 is_absorbed: false,
+                corrects_beside: None,
                 evenness: None,
                 but_best: None,
                 may_be_none: false,

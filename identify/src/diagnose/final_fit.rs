@@ -1,6 +1,6 @@
 //! What was named, fitted on all open runs.
 
-use super::beside::{calibrate_small, calibrate_smoothed, reserve_rests, reserve_wide};
+use super::beside::{calibrate_small, correct_smoothed, reserve_rests, reserve_wide};
 use super::evenness::evenness;
 use super::interval::may_be_none;
 use super::prepared::{Prepared, prepare};
@@ -90,7 +90,7 @@ pub(super) fn finish(
             case.taken[position].may_be_none_on_average = on_average;
         }
         calibrate_small(&mut case.taken);
-        calibrate_smoothed(&mut case.taken);
+        correct_smoothed(&mut case.taken);
         reserve_rests(&mut case.taken);
         reserve_wide(&mut case.taken);
         let after = with_members(&case.floor.model, &fit.members);

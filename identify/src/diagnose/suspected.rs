@@ -94,6 +94,7 @@ pub(super) fn take_suspect(
         excluded: excluded.cloned().collect(),
         threshold: stop.threshold,
         is_absorbed: false,
+        corrects_beside: None,
         evenness: None,
         but_best: None,
         may_be_none: false,
@@ -134,13 +135,15 @@ pub(super) fn drop_doubtful(
         }
         // On healthy robots a wheel that slides for a moment as no law has it passes a threshold by itself: all other windows have to say what chance does not.
         let is_once = taken.but_best.is_some_and(|gain| gain < taken.threshold / inflation);
-        if is_once && !taken.is_absorbed {
+        // A correction of a law is in the model as a name is.
+        let is_in_model = !taken.is_absorbed || taken.corrects_beside.is_some();
+        if is_once && is_in_model {
             return Some(
                 "without the stretch of two seconds that speaks most for it, it explains no more than chance may"
                     .to_owned(),
             );
         }
-        let is_doubted = !taken.is_absorbed && taken.independent_doubts(is_beside_sure, is_alone) >= TOO_MANY;
+        let is_doubted = is_in_model && taken.independent_doubts(is_beside_sure, is_alone) >= TOO_MANY;
         (is_doubted && !is_seen).then(|| format!("is doubted more than once: {}", taken.doubts().join("; ")))
     };
     let doubtful: Vec<Option<String>> = case.taken.iter().zip(&is_seen).map(why).collect();
@@ -206,7 +209,8 @@ pub(super) fn is_weak_alone(case: &Case) -> bool {
 
 /// Takes out names that less speaks for than is asked: that they are none is no disagreement. The verdict without them.
 pub(super) fn without_weak(case: &mut Case) -> Verdict {
-    case.taken.retain(|taken| taken.is_absorbed);
+    case.taken
+        .retain(|taken| taken.is_absorbed && taken.corrects_beside.is_none());
     case.levels.after = case.levels.before.clone();
     case.energies = case.energies.unnamed();
     verdict(case)

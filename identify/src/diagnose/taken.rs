@@ -26,6 +26,8 @@ pub(super) struct Taken {
     pub threshold: f64,
     /// In the model, and no name: too small to matter, or a correction of a law of the twin.
     pub is_absorbed: bool,
+    /// A correction of a law of the twin beside this name, which explains more.
+    pub corrects_beside: Option<&'static str>,
     /// How far its size differs from window to window; unknown when few windows tell it.
     pub evenness: Option<Evenness>,
     /// What its size goes with.
@@ -62,6 +64,7 @@ impl Taken {
             .collect();
         Taken {
             is_absorbed: finalist.size < TINY,
+            corrects_beside: None,
             finalist,
             alternatives,
             excluded,
@@ -254,8 +257,8 @@ impl Taken {
 
     /// What a reader should know of a correction that is no name.
     pub fn correction(&self) -> Option<String> {
-        (self.is_absorbed && self.is_smoothed()).then(|| {
-            format!("{}, and another name explains more; it is in the model as a correction of that, predictions are better with it, and it is not named", smoothed_at())
+        self.corrects_beside.map(|other| {
+            format!("{}, and {other} explains more; it is in the model as a correction of that, predictions are better with it, and it is not named", smoothed_at())
         })
     }
 
@@ -306,6 +309,7 @@ impl Taken {
             excluded: Vec::new(),
             threshold: 30.0,
             is_absorbed: false,
+            corrects_beside: None,
             evenness: None,
             but_best: None,
             may_be_none: false,

@@ -169,8 +169,8 @@ impl TelemetryTable {
 
     fn take_command(&mut self, command: &Command) {
         let mut cells = Vec::new();
-        // A robot that is not to be driven brakes by itself: its frames hold no set-points.
-        if command.enable {
+        // When a run has ended its robots brake by a ramp of their own: frames of then hold no set-points.
+        if !command.ended {
             cells.extend(place(&self.layout.command_wheel, &command.wheel_rad_per_s));
             let steering = self.layout.steering;
             cells.extend(steering.map(|[command_column, _]| (command_column, command.steering_rad)));
