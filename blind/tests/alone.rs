@@ -3,7 +3,7 @@
 mod common;
 
 use common::{diagnosed, named, size};
-use identify::report::schema::{Rejected, Verdict};
+use identify::report::schema::Verdict;
 
 /// A car and a patch of 0.31 m with a fifth of the friction at (-0.49, -0.16) m: of the patches that are screened none lies near enough.
 #[test]
@@ -32,14 +32,15 @@ fn a_delay_is_named_although_one_stretch_speaks_against_it() {
     assert!(report.remarks.iter().any(is_told), "{:?}", report.remarks);
 }
 
-/// A healthy robot on which a clock and a play in gears were seen, with which the wheels of unused runs were twice as far off.
+/// A healthy robot on which a clock and a play in gears were named, and withdrawn since the wheels of unused runs were twice as far off with them: the report said
+/// that there is a disagreement. The references have that play as well, which shows when they are asked of it without the clock.
 #[test]
 #[ignore = "one to two minutes: cargo xtask soak names"]
-fn names_that_do_more_harm_than_good_on_unused_runs_are_withdrawn() {
+fn what_the_references_of_a_healthy_robot_have_is_no_disagreement() {
     let report = diagnosed("none", 400, 24, &[]);
     assert_eq!(named(&report), []);
-    let is_told = |other: &Rejected| other.name == "gear_backlash" && other.because.contains("rises from");
-    assert!(report.rejected.iter().any(is_told), "{:?}", report.rejected);
+    assert_eq!(report.verdict, Verdict::NoDiscrepancy);
+    assert!(report.absorbed.iter().any(|absorbed| absorbed.name == "gear_backlash"));
 }
 
 /// Dry friction of a car, told as resistance to rolling, which changes these runs alike; the twin's smooth corner at standstill once stood beside it, and a floor.
@@ -50,7 +51,10 @@ fn friction_slower_than_the_twins_own_smoothing_is_a_correction_and_no_name() {
     assert_eq!(named(&report), [("rolling_resistance", None)]);
     assert_eq!(report.effects[0].status, "confirmed");
     let is_in_model = |name: &str| report.absorbed.iter().any(|absorbed| absorbed.name == name);
-    assert!(is_in_model("stribeck_friction"), "it predicts better and stays in the model");
+    assert!(
+        is_in_model("stribeck_friction"),
+        "it predicts better and stays in the model"
+    );
     let is_told = |remark: &String| {
         remark.contains("stribeck_friction: most of it acts below 0.3 rad/s") && remark.contains("it is not named")
     };
