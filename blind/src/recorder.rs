@@ -115,13 +115,7 @@ fn cut(telemetry: &mut Telemetry) {
         return;
     };
     let rows = telemetry.time_s.partition_point(|time_s| *time_s < first + SHORT_S);
-    telemetry.time_s.truncate(rows);
-    for series in telemetry.channels.values_mut() {
-        let left = series.rows.partition_point(|row| (*row as usize) < rows);
-        series.rows.truncate(left);
-        series.values.truncate(left);
-    }
-    telemetry.channels.retain(|_, series| !series.rows.is_empty());
+    telemetry.truncate(rows);
 }
 
 #[cfg(test)]

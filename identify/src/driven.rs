@@ -17,13 +17,7 @@ impl Telemetry {
         };
         let last_s = self.time_s.last().copied().unwrap_or(0.0);
         let left_out_s = last_s - self.time_s[end];
-        self.time_s.truncate(end);
-        for series in self.channels.values_mut() {
-            let kept = series.rows.partition_point(|row| (*row as usize) < end);
-            series.rows.truncate(kept);
-            series.values.truncate(kept);
-        }
-        self.channels.retain(|_, series| !series.rows.is_empty());
+        self.truncate(end);
         (self, left_out_s)
     }
 

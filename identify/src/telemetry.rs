@@ -87,6 +87,17 @@ impl Telemetry {
         self
     }
 
+    /// Keeps the first rows, and the channels that have samples in them.
+    pub fn truncate(&mut self, rows: usize) {
+        self.time_s.truncate(rows);
+        for series in self.channels.values_mut() {
+            let kept = series.rows.partition_point(|row| (*row as usize) < rows);
+            series.rows.truncate(kept);
+            series.values.truncate(kept);
+        }
+        self.channels.retain(|_, series| !series.rows.is_empty());
+    }
+
     /// Reads CSV bytes (UTF-8, comma, header in the first line).
     ///
     /// - Errors name line and column: a cell that is no finite number, a row of another length, time that does not grow,

@@ -19,6 +19,8 @@ pub struct ParquetSummary {
     pub columns: Vec<String>,
     /// Rows in which a command was sent.
     pub commands: usize,
+    /// Those that held set-points: none after the end of the run.
+    pub set_points: usize,
     /// Time of the last of those, s since the start of the motion.
     pub last_command_s: f64,
 }
@@ -84,10 +86,9 @@ impl Archive {
             .map(|field| field.name().clone())
             .collect();
         let batches: Vec<RecordBatch> = builder.build()?.collect::<Result<_, _>>()?;
-        let command = |batch: &RecordBatch| {
-            batch
-                .column_by_name("command_seq_sent")
-                .map_or(0, |c| c.len() - c.null_count())
+        let samples = |name: &str| -> usize {
+            let of = |batch: &RecordBatch| batch.column_by_name(name).map_or(0, |c| c.len() - c.null_count());
+            batches.iter().map(of).sum()
         };
         use arrow_array::{Array, Float64Array};
         let last_command_s = |batch: &RecordBatch| {
@@ -108,7 +109,8 @@ impl Archive {
                 .fold(f64::NEG_INFINITY, f64::max),
             rows: batches.iter().map(RecordBatch::num_rows).sum(),
             columns,
-            commands: batches.iter().map(command).sum(),
+            commands: samples("command_seq_sent"),
+            set_points: samples("command_wheel_0_rad_per_s"),
         })
     }
 }

@@ -27,22 +27,27 @@ struct Case {
     index: Option<u64>,
 }
 
+/// An effect of which no wheel is told.
+fn case(name: &'static str, size: &'static str, robot: &'static str, hide: Value) -> Case {
+    Case {
+        name,
+        size,
+        robot,
+        hide,
+        index: None,
+    }
+}
+
 /// An effect of one robot.
 fn of_robot(name: &'static str, size: &'static str, robot: &'static str, sizes: &Value) -> Case {
     let mut change = json!({ "effect": name, "robot": robot });
     if let (Some(change), Some(sizes)) = (change.as_object_mut(), sizes.as_object()) {
         change.extend(sizes.clone());
     }
-    Case {
-        name,
-        size,
-        robot,
-        hide: json!({ "hide": change }),
-        index: None,
-    }
+    case(name, size, robot, json!({ "hide": change }))
 }
 
-/// An effect of one of its wheels; motors count among the driven wheels, which come first in these descriptions.
+/// An effect of one of its wheels.
 fn of_wheel(name: &'static str, size: &'static str, robot: &'static str, wheel: u64, sizes: &Value) -> Case {
     Case {
         index: Some(wheel),
@@ -53,13 +58,7 @@ fn of_wheel(name: &'static str, size: &'static str, robot: &'static str, wheel: 
 /// An effect of the floor, seen by one robot.
 fn of_floor(name: &'static str, size: &'static str, robot: &'static str, mut sizes: Value) -> Case {
     sizes["effect"] = json!(name);
-    Case {
-        name,
-        size,
-        robot,
-        hide: json!({ "hide": sizes }),
-        index: None,
-    }
+    case(name, size, robot, json!({ "hide": sizes }))
 }
 
 /// In the order of the table.
@@ -96,13 +95,12 @@ fn cases() -> Vec<Case> {
             &json!({"wheel": 1, "relative": -0.02}),
         ),
         // More, and the robot refuses: it knows the laboratory's clock to half the way there and back, at most 15 ms.
-        Case {
-            name: "command_delay",
-            size: "11 ms each way",
-            robot: "diff-01",
-            hide: json!({"fault": {"number": 5, "kind": "delay_frames", "delay_ms": 11.0}}),
-            index: None,
-        },
+        case(
+            "command_delay",
+            "11 ms each way",
+            "diff-01",
+            json!({"fault": {"number": 5, "kind": "delay_frames", "delay_ms": 11.0}}),
+        ),
         of_robot("motor_lag", "0.05 s", "diff-01", &json!({"time_constant_s": 0.05})),
         of_robot("gyro_bias", "0.03 rad/s", "diff-01", &json!({"bias_rad_per_s": 0.03})),
         of_robot(
