@@ -211,6 +211,11 @@ impl FreeRobot {
         self.state.view(self.model_now())
     }
 
+    /// The same, written into `out`.
+    pub(crate) fn write_state(&self, out: &mut RobotState) {
+        self.state.write_view(self.model_now(), out);
+    }
+
     fn model_now(&self) -> &Model {
         self.runtime.as_ref().map_or(&self.model, |runtime| &runtime.live)
     }
@@ -249,9 +254,10 @@ pub(crate) fn substep(model: &Model, runtime: &mut Option<Runtime>, state: &mut 
 /// The same with effects that change from step to step.
 #[inline(never)]
 fn substep_with(runtime: &mut Runtime, state: &mut BodyState, command: &WheelCommand, refinement: u32) {
-    let command = runtime.commanded(command);
+    let mut command = *command;
+    runtime.command(&mut command);
     runtime.prepare(state);
-    let command = runtime.shifted(command);
+    runtime.shift(&mut command);
     match &mut runtime.drives {
         Some(drives) => motor_control::substep(drives, &runtime.live, state, &command, refinement),
         None => substep_refined(&runtime.live, state, &command, refinement),

@@ -40,7 +40,7 @@ pub mod workload;
 pub mod world;
 
 /// Version of the numbers this crate produces. Changes whenever any bit of any trace changes.
-pub const VERSION: &str = "twin-0.1.0/7";
+pub const VERSION: &str = "twin-0.1.0/8";
 
 /// Control ticks per second.
 pub const CONTROL_RATE_HZ: u32 = 120;

@@ -223,19 +223,23 @@ fn replay_with(
                     }
                 }
             }
-            free.step(&held.command());
+            free.step(&held.command);
             if history.needs(free.steps(), position) {
-                history.push(free.state());
+                free.write_state(history.next());
             } else {
                 history.skip();
             }
-            if !free.is_finite() {
+            // What is not finite stays so.
+            if free.steps().is_multiple_of(u64::from(SUBSTEPS)) && !free.is_finite() {
                 return Err(ReplayError::NotFinite { time_s: now_s });
             }
         }
+        if !free.is_finite() {
+            return Err(ReplayError::NotFinite { time_s: elapsed_s });
+        }
         out.push(ReplayRow {
             time_s: row.time_s,
-            state: *history.newest(),
+            state: RobotState::ZERO,
         });
         if let Some(last) = out.last_mut() {
             history.measure(robot.sensors(), position, &mut last.state);

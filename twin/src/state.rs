@@ -28,6 +28,30 @@ pub struct RobotState {
     pub accel_y_m_per_s2: f64,
 }
 
+impl RobotState {
+    pub(crate) const ZERO: RobotState = RobotState {
+        pose: Pose {
+            x_m: 0.0,
+            y_m: 0.0,
+            yaw_rad: 0.0,
+        },
+        twist: BodyTwist {
+            forward_m_per_s: 0.0,
+            left_m_per_s: 0.0,
+            yaw_rate_rad_per_s: 0.0,
+        },
+        wheel_rad_per_s: [0.0; MAX_WHEELS],
+        wheel_rad: [0.0; MAX_WHEELS],
+        current_a: [0.0; MAX_WHEELS],
+        voltage_v: [0.0; MAX_WHEELS],
+        bus_v: 0.0,
+        steering_rad: 0.0,
+        gyro_z_rad_per_s: 0.0,
+        accel_x_m_per_s2: 0.0,
+        accel_y_m_per_s2: 0.0,
+    };
+}
+
 /// Numbers outside the wheels in [`BodyState::words`].
 const BODY_WORDS: usize = 11;
 const WHEEL_WORDS: usize = 7;
@@ -241,35 +265,40 @@ impl BodyState {
     }
 
     pub(crate) fn view(&self, model: &Model) -> RobotState {
-        let by_wheel = |of_lane: &dyn Fn(usize) -> f64| {
-            let mut wheels = [0.0; MAX_WHEELS];
-            for lane in 0..model.lanes {
-                wheels[model.wheel_of_lane[lane]] = of_lane(lane);
-            }
-            wheels
-        };
+        let mut out = RobotState::ZERO;
+        self.write_view(model, &mut out);
+        out
+    }
+
+    /// The same, written into `out` number by number: copies of what was just written make the processor wait.
+    pub(crate) fn write_view(&self, model: &Model, out: &mut RobotState) {
         let (x_m, y_m) = self.origin_m(model);
         let [com_x_m, com_y_m] = model.com_m;
-        RobotState {
-            pose: Pose {
-                x_m,
-                y_m,
-                yaw_rad: wrapped_rad(self.yaw_rad),
-            },
-            twist: BodyTwist {
-                forward_m_per_s: self.u + self.r * com_y_m,
-                left_m_per_s: self.v - self.r * com_x_m,
-                yaw_rate_rad_per_s: self.r,
-            },
-            wheel_rad_per_s: by_wheel(&|lane| model.encoder_speed(self, lane)),
-            wheel_rad: by_wheel(&|lane| model.encoder[lane] * (self.angle[lane] + model.gear_place_rad[lane])),
-            current_a: by_wheel(&|lane| self.current[lane]),
-            voltage_v: by_wheel(&|lane| self.voltage[lane]),
-            bus_v: model.motor.as_ref().map_or(0.0, |motor| motor.supply_v),
-            steering_rad: self.steering_rad,
-            gyro_z_rad_per_s: self.r,
-            accel_x_m_per_s2: self.accel_x,
-            accel_y_m_per_s2: self.accel_y,
+        out.pose.x_m = x_m;
+        out.pose.y_m = y_m;
+        out.pose.yaw_rad = wrapped_rad(self.yaw_rad);
+        out.twist.forward_m_per_s = self.u + self.r * com_y_m;
+        out.twist.left_m_per_s = self.v - self.r * com_x_m;
+        out.twist.yaw_rate_rad_per_s = self.r;
+        for by_wheel in [
+            &mut out.wheel_rad_per_s,
+            &mut out.wheel_rad,
+            &mut out.current_a,
+            &mut out.voltage_v,
+        ] {
+            *by_wheel = [0.0; MAX_WHEELS];
         }
+        for lane in 0..model.lanes {
+            let wheel = model.wheel_of_lane[lane];
+            out.wheel_rad_per_s[wheel] = model.encoder_speed(self, lane);
+            out.wheel_rad[wheel] = model.encoder[lane] * (self.angle[lane] + model.gear_place_rad[lane]);
+            out.current_a[wheel] = self.current[lane];
+            out.voltage_v[wheel] = self.voltage[lane];
+        }
+        out.bus_v = model.motor.as_ref().map_or(0.0, |motor| motor.supply_v);
+        out.steering_rad = self.steering_rad;
+        out.gyro_z_rad_per_s = self.r;
+        out.accel_x_m_per_s2 = self.accel_x;
+        out.accel_y_m_per_s2 = self.accel_y;
     }
 }

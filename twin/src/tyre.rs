@@ -10,8 +10,8 @@ use crate::tread::Tread;
 const MOST_STEPS: u32 = 10;
 /// A slip that moved less than this is taken, with the force of its tangent, m/s.
 const SETTLED_M_PER_S: f64 = 1e-8;
-/// Square of the smallest scaled slip, so that tanh(q)/q needs no case.
-const TINY: f64 = 1e-30;
+/// Square of the smallest slip, m^2/s^2, so that tanh(q)/q needs no case.
+const TINY: f64 = 1e-34;
 /// Friction over the described one below which slip scales stay; where there is no wheel it is 0.
 const LEAST_FRICTION: f64 = 1e-2;
 /// One over the square of the slip at which half of the way from grip to sliding is gone, s^2/m^2.
@@ -67,35 +67,48 @@ impl Tyre {
     /// two cross slopes differ by its factor.
     #[inline(never)]
     pub(crate) fn grip(&self, along: f64x4, across: f64x4, rolling_m_per_s: f64x4, friction: f64x4) -> Grip {
-        let one = f64x4::splat(1.0);
-        let extra = f64x4::splat(self.slip_ratio) * rolling_m_per_s;
-        let size = along.abs();
         let mut scale = f64x4::splat(self.tread.slip_scale_m_per_s) + f64x4::splat(self.tread.creep) * rolling_m_per_s;
         if self.keeps_stiffness {
             scale *= friction.greater(f64x4::splat(LEAST_FRICTION));
         }
         let curve = Curve::new(&self.tread, scale);
-        let (mut law, mut short) = (Law::at(size, across, &curve), f64x4::ZERO);
         if self.slip_ratio > 0.0 {
-            // A force over mu N of x / (1 + x), x = s_c / s0, as the first guess, but no less than two lower bounds: the force is
-            // at most mu N, and at most mu N x.
-            let half = f64x4::splat(0.5);
-            let b = (size - extra) - scale;
-            let rational = half * (b + (b * b + f64x4::splat(4.0) * (scale * size)).sqrt());
-            let least = (size - extra).greater(size * (scale / (scale + extra)));
-            let mut contact = rational.greater(least);
-            for _ in 0..MOST_STEPS {
-                law = Law::at(contact, across, &curve);
-                short = ((size - contact) - extra * law.along) / (one + extra * law.d_ll);
-                // The force is concave: a step from above its slip may go too far, never below the bounds.
-                let next = (contact + short).greater(least);
-                short = next - contact;
-                if most(short.abs()) < SETTLED_M_PER_S {
-                    break;
-                }
-                contact = next;
-            }
+            return self.slipping(along, across, f64x4::splat(self.slip_ratio) * rolling_m_per_s, &curve);
         }
+        let law = Law::at(along, across, &curve);
+        let side = f64x4::splat(self.side_scale);
+        Grip {
+            along: law.along,
+            across: side * law.across,
+            d_ll: law.d_ll,
+            d_lt: law.d_lt,
+            d_tt: side * law.d_tt,
+        }
+    }
+
+    /// The same where the slip grows by `extra` at full force, m/s, beyond that of the contact.
+    fn slipping(&self, along: f64x4, across: f64x4, extra: f64x4, curve: &Curve) -> Grip {
+        let (one, half) = (f64x4::splat(1.0), f64x4::splat(0.5));
+        let (size, scale) = (along.abs(), curve.scale_m_per_s);
+        // A force over mu N of x / (1 + x), x = s_c / s0, as the first guess, but no less than two lower bounds: the force is
+        // at most mu N, and at most mu N x.
+        let b = (size - extra) - scale;
+        let rational = half * (b + (b * b + f64x4::splat(4.0) * (scale * size)).sqrt());
+        let least = (size - extra).greater(size * (scale / (scale + extra)));
+        let mut contact = rational.greater(least);
+        let mut steps = 0;
+        let (law, short) = loop {
+            let law = Law::at(contact, across, curve);
+            let step = ((size - contact) - extra * law.along) / (one + extra * law.d_ll);
+            // The force is concave: a step from above its slip may go too far, never below the bounds.
+            let next = (contact + step).greater(least);
+            let short = next - contact;
+            steps += 1;
+            if most(short.abs()) < SETTLED_M_PER_S || steps == MOST_STEPS {
+                break (law, short);
+            }
+            contact = next;
+        };
         let through = one / (one + extra * law.d_ll);
         let side = f64x4::splat(self.side_scale);
         Grip {
@@ -127,25 +140,27 @@ impl Curve {
         }
     }
 
-    /// The force and its slope at q = |s| / s0.
+    /// The force at a slip of this size, m/s, and its slope, s/m.
+    ///
+    /// - `square`: of the size; known before it.
     #[inline(always)]
-    fn at(&self, q: f64x4) -> (f64x4, f64x4) {
+    fn at(&self, size_m_per_s: f64x4, square: f64x4) -> (f64x4, f64x4) {
         let one = f64x4::splat(1.0);
-        let tanh = math::tanh_of(q);
+        let q = size_m_per_s * self.per_scale;
+        let exp_m1 = math::exp_m1_of_double(q);
+        let tanh = exp_m1 * (one / (exp_m1 + f64x4::splat(2.0)));
         let (mut force, mut slope) = (tanh, one - tanh * tanh);
         if self.tail > 0.0 {
             let (tail, left) = (f64x4::splat(self.tail), one / (one + q));
-            force = force + tail * (q * left - force);
-            slope = slope + tail * (left * left - slope);
+            force += tail * (q * left - force);
+            slope += tail * (left * left - slope);
         }
+        slope *= self.per_scale;
         if self.sliding < 1.0 {
-            let speed = q * self.scale_m_per_s;
-            let square = f64x4::splat(PER_SLIDING_2) * (speed * speed);
-            let grip = one / (one + square);
+            let grip = one / (one + f64x4::splat(PER_SLIDING_2) * square);
             let lost = f64x4::splat(1.0 - self.sliding);
             let share = one - lost * (one - grip);
-            // d/dq of grip: -2 square grip^2 / q
-            let fall = f64x4::splat(2.0) * (lost * ((square / q) * (grip * grip)));
+            let fall = (f64x4::splat(2.0 * PER_SLIDING_2) * lost) * (size_m_per_s * (grip * grip));
             slope = slope * share - force * fall;
             force *= share;
         }
@@ -165,19 +180,18 @@ struct Law {
 impl Law {
     #[inline(always)]
     fn at(along_m_per_s: f64x4, across_m_per_s: f64x4, curve: &Curve) -> Law {
-        let per_scale = curve.per_scale;
-        let (ql, qt) = (per_scale * along_m_per_s, per_scale * across_m_per_s);
-        let q2 = (ql * ql + qt * qt) + f64x4::splat(TINY);
-        let q = q2.sqrt();
-        let (force, slope) = curve.at(q);
-        let secant = force / q;
-        let bend = (slope - secant) / q2;
+        let (l, t) = (along_m_per_s, across_m_per_s);
+        let square = (l * l + t * t) + f64x4::splat(TINY);
+        let (size, per_square) = (square.sqrt(), f64x4::splat(1.0) / square);
+        let (force, slope) = curve.at(size, square);
+        let secant = force * (size * per_square);
+        let bend = (slope - secant) * per_square;
         Law {
-            along: secant * ql,
-            across: secant * qt,
-            d_ll: per_scale * (secant + bend * (ql * ql)),
-            d_lt: per_scale * (bend * (ql * qt)),
-            d_tt: per_scale * (secant + bend * (qt * qt)),
+            along: secant * l,
+            across: secant * t,
+            d_ll: secant + bend * (l * l),
+            d_lt: bend * (l * t),
+            d_tt: secant + bend * (t * t),
         }
     }
 }

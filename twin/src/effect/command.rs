@@ -112,14 +112,8 @@ impl CommandStage {
         }
     }
 
-    /// What leaves the stage `to_go` physics steps before the first one: the memory fills as it would have.
-    pub(crate) fn remember(
-        &self,
-        command: WheelCommand,
-        nominal: &Model,
-        memory: &mut [f64],
-        to_go: u64,
-    ) -> WheelCommand {
+    /// Turns the set-point `to_go` physics steps before the first one into what leaves the stage: the memory fills as it would have.
+    pub(crate) fn remember(&self, command: &mut WheelCommand, nominal: &Model, memory: &mut [f64], to_go: u64) {
         // A step that stands in the ring where the first one will find it.
         let step = match &self.law {
             Law::Delay { length, .. } => {
@@ -128,13 +122,13 @@ impl CommandStage {
             }
             _ => 0,
         };
-        self.apply(command, nominal, memory, step)
+        self.apply(command, nominal, memory, step);
     }
 
-    /// What leaves the stage at physics step `step`. `nominal` has the geometry the robot works with.
-    pub(crate) fn apply(&self, command: WheelCommand, nominal: &Model, memory: &mut [f64], step: u64) -> WheelCommand {
+    /// Turns the set-point of physics step `step` into what leaves the stage. `nominal` has the geometry the robot works with.
+    #[inline]
+    pub(crate) fn apply(&self, out: &mut WheelCommand, nominal: &Model, memory: &mut [f64], step: u64) {
         let memory = &mut memory[self.at..self.at + self.words()];
-        let mut out = command;
         match &self.law {
             Law::DeadBand { width_rad_per_s } => {
                 for speed in &mut out.wheel_rad_per_s {
@@ -153,7 +147,7 @@ impl CommandStage {
                 left_m_per_s,
                 yaw_rate_rad_per_s,
             } => {
-                let twist = kinematics::twist_of_wheels(nominal, &command);
+                let twist = kinematics::twist_of_wheels(nominal, out);
                 let clipped = |value: f64, limit: f64| value.min(limit).max(-limit);
                 let limited = BodyTwist {
                     forward_m_per_s: clipped(twist.forward_m_per_s, *forward_m_per_s),
@@ -161,14 +155,14 @@ impl CommandStage {
                     yaw_rate_rad_per_s: clipped(twist.yaw_rate_rad_per_s, *yaw_rate_rad_per_s),
                 };
                 if limited != twist {
-                    out = kinematics::wheel_speeds(nominal, limited, command.steering_rad);
+                    *out = kinematics::wheel_speeds(nominal, limited, out.steering_rad);
                 }
             }
             Law::Slew { rim_m_per_s2 } => {
                 for lane in (0..nominal.lanes).filter(|lane| nominal.driven[*lane]) {
                     let wheel = nominal.wheel_of_lane[lane];
                     let most = rim_m_per_s2 * PHYSICS_PERIOD_S / nominal.radius_m[lane];
-                    let change = (command.wheel_rad_per_s[wheel] - memory[wheel]).min(most).max(-most);
+                    let change = (out.wheel_rad_per_s[wheel] - memory[wheel]).min(most).max(-most);
                     memory[wheel] += change;
                     out.wheel_rad_per_s[wheel] = memory[wheel];
                 }
@@ -181,13 +175,14 @@ impl CommandStage {
             }
             Law::SteeringFilter { share } => {
                 let filtered = &mut memory[MAX_WHEELS];
-                *filtered += share * (command.steering_rad - *filtered);
+                *filtered += share * (out.steering_rad - *filtered);
                 out.steering_rad = *filtered;
             }
             Law::Delay { samples, length } => {
-                let slot = |back: usize| ((step as usize + length - back) % length) * COMMAND_WORDS;
+                let at = step as usize % length;
+                let slot = |back: usize| (if back > at { at + length - back } else { at - back }) * COMMAND_WORDS;
                 let now = slot(0);
-                store(&mut memory[now..now + COMMAND_WORDS], &command);
+                store(&mut memory[now..now + COMMAND_WORDS], out);
                 let whole = *samples as usize;
                 let part = samples - whole as f64;
                 let (newer, older) = (slot(whole), slot(whole + 1));
@@ -199,13 +194,12 @@ impl CommandStage {
             }
             Law::Hold { loss_rate, window } => {
                 if uniform(step / window) < *loss_rate {
-                    out = load(memory);
+                    *out = load(memory);
                 } else {
-                    store(memory, &command);
+                    store(memory, out);
                 }
             }
         }
-        out
     }
 }
 

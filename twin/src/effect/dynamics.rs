@@ -4,16 +4,18 @@ mod gear;
 mod settle;
 mod start;
 
+use wide::f64x4;
+
 use super::Effect;
 use super::command::CommandStage;
 use crate::command::WheelCommand;
-use crate::kinematics;
+use crate::lanes::{LANES, four};
 use crate::model::{Model, Push};
 use crate::motor_control::Drives;
 use crate::residual::{Observation, Residual};
 use crate::state::BodyState;
 use crate::world::floor::Floor;
-use crate::{GRAVITY_M_PER_S2, MAX_WHEELS, PHYSICS_PERIOD_S, SLIP_SCALE_M_PER_S, SUBSTEPS};
+use crate::{GRAVITY_M_PER_S2, MAX_WHEELS, PHYSICS_PERIOD_S, SLIP_SCALE_M_PER_S, SUBSTEPS, kinematics, math};
 use std::sync::Arc;
 
 /// Wheel speed that rounds the sign of spin in [`Law::Asymmetric`], rad/s; that of the dry friction.
@@ -308,29 +310,24 @@ impl Runtime {
         }
     }
 
-    /// The set-point behind all stages, for this physics step.
-    #[inline(never)]
-    pub(crate) fn commanded(&mut self, command: &WheelCommand) -> WheelCommand {
+    /// Turns the set-point of this physics step into what leaves the last stage.
+    pub(crate) fn command(&mut self, command: &mut WheelCommand) {
         self.sent = *command;
-        let mut command = *command;
         for stage in &self.dynamics.commands {
-            command = stage.apply(command, &self.nominal, &mut self.memory, self.step);
+            stage.apply(command, &self.nominal, &mut self.memory, self.step);
         }
-        command
     }
 
-    /// The set-point with what the residual and the outside add to it; after [`Runtime::prepare`].
-    #[inline(never)]
-    pub(crate) fn shifted(&self, command: WheelCommand) -> WheelCommand {
+    /// Adds to the set-point what the residual and the outside add; after [`Runtime::prepare`].
+    pub(crate) fn shift(&self, command: &mut WheelCommand) {
         let mut shift = self.shift;
         if let Some((residual, at)) = &self.dynamics.residual {
             let own = residual.shift(&self.memory[*at..at + residual.words()]);
             shift.iter_mut().zip(own).for_each(|(sum, own)| *sum += own);
         }
-        if shift == [0.0; 3] {
-            return command;
+        if shift != [0.0; 3] {
+            *command = kinematics::shifted(&self.nominal, *command, shift);
         }
-        kinematics::shifted(&self.nominal, command, shift)
     }
 
     /// Sets the constants of the coming physics step from the state at its start.
@@ -421,17 +418,18 @@ impl Runtime {
         match law {
             Law::Sag { .. } | Law::Droop { .. } => {}
             Law::Stribeck { ratio, speed_rad_per_s } => {
-                for lane in 0..live.lanes {
-                    let q = state.wheel[lane] / speed_rad_per_s;
-                    live.coulomb_n_m[lane] *= 1.0 + (ratio - 1.0) * libm::exp(-q * q);
-                }
+                let q = four(&state.wheel) * f64x4::splat(1.0 / speed_rad_per_s);
+                // e^-x = 1 / (1 + (e^x - 1))
+                let bell =
+                    f64x4::splat(1.0) / (f64x4::splat(1.0) + math::exp_m1_of_double(f64x4::splat(0.5) * (q * q)));
+                let factor = f64x4::splat(1.0) + f64x4::splat(ratio - 1.0) * bell;
+                scale(&mut live.coulomb_n_m, factor);
             }
             Law::Asymmetric { difference } => {
-                for lane in 0..live.lanes {
-                    let factor = 1.0 + difference * libm::tanh(state.wheel[lane] / SPIN_SIGN_RAD_PER_S);
-                    live.coulomb_n_m[lane] *= factor;
-                    live.viscous_n_m_s[lane] *= factor;
-                }
+                let sign = math::tanh_of(four(&state.wheel) * f64x4::splat(1.0 / SPIN_SIGN_RAD_PER_S));
+                let factor = f64x4::splat(1.0) + f64x4::splat(*difference) * sign;
+                scale(&mut live.coulomb_n_m, factor);
+                scale(&mut live.viscous_n_m_s, factor);
             }
             Law::Patch {
                 x_m,
@@ -563,6 +561,12 @@ impl Runtime {
             }
         }
     }
+}
+
+/// Multiplies what belongs to the wheels; where there is none it is 0.
+fn scale(by_lane: &mut [f64; MAX_WHEELS], factor: f64x4) {
+    let scaled = four(by_lane) * factor;
+    by_lane[..LANES].copy_from_slice(&scaled.to_array());
 }
 
 fn add_force(live: &mut Model, x_m: f64, y_m: f64, force: [f64; 2]) {

@@ -3,8 +3,6 @@
 //! Always in the order of the light: marker, its height, lens, scale, seam; times of the tracker and of the robot's clock
 //! first.
 
-use std::collections::VecDeque;
-
 use super::Effect;
 use crate::PHYSICS_RATE_HZ;
 use crate::pose::{Pose, wrapped_rad};
@@ -214,10 +212,12 @@ pub(crate) fn moves_poses(stages: &[SensorStage]) -> bool {
 /// The newest true states of a trace, one per physics step.
 #[derive(Debug, Clone)]
 pub(crate) struct History {
-    states: VecDeque<RobotState>,
+    /// A ring: the oldest is at `first`.
+    states: Vec<RobotState>,
+    first: usize,
+    count: usize,
     /// Step of the newest state.
     newest: u64,
-    capacity: usize,
     /// How far behind and ahead of a time stamp the trace must be known, s.
     back_s: f64,
     pub(crate) ahead_s: f64,
@@ -242,20 +242,39 @@ impl History {
         }
         let capacity = 3 + ((back_s + ahead_s) * f64::from(PHYSICS_RATE_HZ)) as usize;
         History {
-            states: VecDeque::from([first]),
+            states: vec![first; capacity],
+            first: 0,
+            count: 1,
             newest: 0,
-            capacity,
             back_s,
             ahead_s,
         }
     }
 
-    pub(crate) fn push(&mut self, state: RobotState) {
-        if self.states.len() == self.capacity {
-            self.states.pop_front();
+    /// Goes on by a step; the place of its state, still with an older one in it.
+    pub(crate) fn next(&mut self) -> &mut RobotState {
+        if self.count == self.states.len() {
+            self.first = self.at(1);
+        } else {
+            self.count += 1;
         }
-        self.states.push_back(state);
         self.newest += 1;
+        let last = self.at(self.count - 1);
+        &mut self.states[last]
+    }
+
+    /// Place of the state `index` steps after the oldest, at most a round away.
+    fn at(&self, index: usize) -> usize {
+        let at = self.first + index;
+        if at < self.states.len() {
+            at
+        } else {
+            at - self.states.len()
+        }
+    }
+
+    fn get(&self, index: usize) -> Option<&RobotState> {
+        (index < self.count).then(|| &self.states[self.at(index)])
     }
 
     /// Whether the state after so many steps is needed for time stamps from `position` on, in physics steps.
@@ -265,7 +284,7 @@ impl History {
 
     /// Goes on by a step whose state is not needed, nor those before it.
     pub(crate) fn skip(&mut self) {
-        self.states.clear();
+        self.count = 0;
         self.newest += 1;
     }
 
@@ -293,21 +312,17 @@ impl History {
         } else {
             position
         };
-        let oldest = self.newest + 1 - self.states.len() as u64;
+        let oldest = self.newest + 1 - self.count as u64;
         let upper = position.ceil().max(oldest as f64).min(self.newest as f64);
         let index = upper as usize - oldest as usize;
-        let Some(after) = self.states.get(index) else {
-            return (&self.states[0], &self.states[0], None);
+        let Some(after) = self.get(index) else {
+            let oldest = &self.states[self.first];
+            return (oldest, oldest, None);
         };
-        match index.checked_sub(1).and_then(|before| self.states.get(before)) {
+        match index.checked_sub(1).and_then(|before| self.get(before)) {
             Some(before) if position < upper => (before, after, Some((1.0 - (upper - position)).max(0.0))),
             _ => (after, after, None),
         }
-    }
-
-    /// The newest true state.
-    pub(crate) fn newest(&self) -> &RobotState {
-        &self.states[self.states.len() - 1]
     }
 
     /// What the sensors report for a time stamp, in physics steps.

@@ -27,23 +27,23 @@ pub struct Golden {
 pub const TABLE: [Golden; 5] = [
     Golden {
         name: "omni4-alone",
-        digest: "455823fc73f8501e50bfdfba9f4a00be",
+        digest: "106267b4d3de043583903dd48726ae02",
     },
     Golden {
         name: "diff2-alone",
-        digest: "e0ec6f2510f182020a18e326f52229c3",
+        digest: "ba635749fe2002737c6d5647b2d1a1d3",
     },
     Golden {
         name: "awd-slippery",
-        digest: "0501ca3b1669c3baafa52bf29724ca24",
+        digest: "a033e7dd4fe49889ef2714c68aa481ef",
     },
     Golden {
         name: "head-on",
-        digest: "d0e9379fc285fe0fb6eb663e5e2435dc",
+        digest: "1558e667909af8d95efce40af4c2d6c3",
     },
     Golden {
         name: "pile-up",
-        digest: "2587374ed75b56c0ec229d7df51b8e87",
+        digest: "2d25b0aad471d9321d6f6a2930b155b3",
     },
 ];
 

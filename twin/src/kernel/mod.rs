@@ -51,8 +51,12 @@ const OLD_MATRIX: f64 = 0.5;
 /// It follows from the state at the start of the tick, so it is no part of the state itself.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Carry {
-    /// Speeds, steering angle, friction and contact where the last step ended.
-    ended: Option<(Speeds, f64, f64x4, Shape)>,
+    /// Whether the four below are of the state as it is: where the last step ended.
+    has_ended: bool,
+    speeds: Speeds,
+    wheels_rad: f64,
+    friction: f64x4,
+    shape: Shape,
     matrix: Matrix,
     /// Period the matrix is for, s, and the steps it may still serve.
     matrix_period_s: f64,
@@ -61,7 +65,14 @@ pub(crate) struct Carry {
 
 impl Carry {
     pub(crate) const EMPTY: Carry = Carry {
-        ended: None,
+        has_ended: false,
+        speeds: Speeds {
+            twist: [0.0; 3],
+            wheel: f64x4::ZERO,
+        },
+        wheels_rad: 0.0,
+        friction: f64x4::ZERO,
+        shape: Shape::ZERO,
         matrix: Matrix::ZERO,
         matrix_period_s: 0.0,
         matrix_steps: 0,
@@ -70,7 +81,7 @@ impl Carry {
     /// Forgets everything.
     #[inline(always)]
     pub(crate) fn clear(&mut self) {
-        self.ended = None;
+        self.has_ended = false;
         self.matrix_steps = 0;
     }
 }
@@ -118,16 +129,16 @@ impl Kernel<'_> {
 
     #[inline(always)]
     fn first_shape<const SIDE: bool>(&self, state: &BodyState, speeds: &Speeds) -> Shape {
-        match &state.carry.ended {
-            Some((ended, wheels_rad, friction, shape))
-                if ended == speeds
-                    && *wheels_rad == self.wheels_rad
-                    && *friction == self.c.friction
-                    && !self.model.contact_varies =>
-            {
-                *shape
-            }
-            _ => self.shape::<SIDE>(speeds),
+        let carry = &state.carry;
+        if carry.has_ended
+            && carry.wheels_rad == self.wheels_rad
+            && !self.model.contact_varies
+            && carry.speeds == *speeds
+            && carry.friction == self.c.friction
+        {
+            carry.shape
+        } else {
+            self.shape::<SIDE>(speeds)
         }
     }
 
@@ -313,7 +324,13 @@ impl Kernel<'_> {
         [state.u, state.v, state.r] = end.twist;
         state.wheel[..LANES].copy_from_slice(&end.wheel.to_array());
         state.current[..LANES].copy_from_slice(&(self.c.present * drive.current_a).to_array());
-        state.carry.ended = Some((*end, self.wheels_rad, self.c.friction, *shape));
+        // Field by field: a whole built elsewhere and copied makes the processor wait for its parts.
+        let carry = &mut state.carry;
+        carry.has_ended = true;
+        carry.speeds = *end;
+        carry.wheels_rad = self.wheels_rad;
+        carry.friction = self.c.friction;
+        carry.shape = *shape;
     }
 }
 

@@ -58,6 +58,15 @@ fn spin_sign(wheel: f64x4) -> f64x4 {
 }
 
 impl Shape {
+    pub(super) const ZERO: Shape = Shape {
+        along: f64x4::ZERO,
+        across: f64x4::ZERO,
+        d_ll: f64x4::ZERO,
+        d_lt: f64x4::ZERO,
+        d_tt: f64x4::ZERO,
+        spin_sign: f64x4::ZERO,
+    };
+
     /// F = tanh(|s| / s0) s / |s|
     ///
     /// With E = e^2q - 1, q = |s| / s0: tanh q = E / (E + 2); one division gives it, tanh(q) / q and 1 / q^2. Without

@@ -10,7 +10,7 @@ impl Runtime {
         let mut command = *command;
         for stage in &self.dynamics.commands {
             stage.prime(&command, &mut self.memory);
-            command = stage.apply(command, &self.nominal, &mut self.memory, 0);
+            stage.apply(&mut command, &self.nominal, &mut self.memory, 0);
         }
     }
 
@@ -23,7 +23,7 @@ impl Runtime {
     pub(crate) fn remember(&mut self, command: &WheelCommand, to_go: u64) -> WheelCommand {
         let mut command = *command;
         for stage in &self.dynamics.commands {
-            command = stage.remember(command, &self.nominal, &mut self.memory, to_go);
+            stage.remember(&mut command, &self.nominal, &mut self.memory, to_go);
         }
         command
     }
