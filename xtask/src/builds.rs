@@ -22,6 +22,8 @@ const OWN_PACKAGE: [&str; 2] = ["--package", "controllers"];
 const LEAST_TRACES: usize = 500;
 /// Longest run of all traces in the browser; a few seconds are usual.
 const BROWSER_LIMIT: Duration = Duration::from_secs(180);
+/// As many differing traces are told by name.
+const NAMED_DIFFERENCES: usize = 12;
 /// SSE2 and nothing newer, where all else is built for this processor (`.cargo/config.toml`).
 const NARROW_FLAGS: &str = "-Ctarget-cpu=x86-64";
 
@@ -74,7 +76,7 @@ fn all_equal(reference: &Digests, others: &[(&str, Digests)]) -> Result<()> {
         .flat_map(|(build, digests)| differing(build, reference, digests))
         .collect();
     if !differences.is_empty() {
-        bail!("{} digests differ: {}", differences.len(), differences.join(", "));
+        bail!("{}", told(&differences));
     }
     println!(
         "{} traces in {} builds, all digests equal",
@@ -82,6 +84,16 @@ fn all_equal(reference: &Digests, others: &[(&str, Digests)]) -> Result<()> {
         others.len() + 1
     );
     Ok(())
+}
+
+/// How many differ, and the first of them.
+fn told(differences: &[String]) -> String {
+    let named = &differences[..differences.len().min(NAMED_DIFFERENCES)];
+    let rest = match differences.len() - named.len() {
+        0 => String::new(),
+        more => format!(" and {more} more"),
+    };
+    format!("{} digests differ: {}{rest}", differences.len(), named.join(", "))
 }
 
 fn timed(build: &str, digests: impl FnOnce() -> Result<Digests>) -> Result<Digests> {
@@ -153,5 +165,14 @@ mod tests {
         assert!(differing("x", &reference, &reference).is_empty());
         let other = digests(&[("a", "1"), ("b", "9"), ("d", "4")]);
         assert_eq!(differing("x", &reference, &other), ["b (x)", "c (x)", "d (x)"]);
+    }
+
+    #[test]
+    fn a_few_differences_are_named_and_many_are_counted() {
+        let names = |count: usize| -> Vec<String> { (0..count).map(|k| format!("t{k}")).collect() };
+        assert_eq!(told(&names(2)), "2 digests differ: t0, t1");
+        let many = told(&names(253));
+        assert!(many.starts_with("253 digests differ: t0, t1, "), "{many}");
+        assert!(many.ends_with("t11 and 241 more"), "{many}");
     }
 }

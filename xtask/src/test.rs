@@ -117,6 +117,8 @@ fn add_firmware(stages: &mut Stages, found: &Found) {
 
 /// The twin's bits in builds of several kinds, WebAssembly among them.
 pub fn compare_builds(found: &Found, extent: Extent) -> Result<()> {
+    // With `--only builds` nobody has made the bundle of these sources yet.
+    build_bundles(found)?;
     let browser = found.browser.as_ref().context("no browser after setup")?;
     builds::give_equal_bits(&browser.chromium, extent)
 }
