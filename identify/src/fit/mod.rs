@@ -1,10 +1,12 @@
 //! Bounded Levenberg-Marquardt on simulations, with a pattern search where a law is not smooth.
 
 mod bounds;
+mod edge;
 mod search;
 mod slopes;
 
 pub use self::bounds::{Bounded, Bounds};
+pub use self::edge::larger_patches;
 use self::search::{Search, TICKS, come_nearer, is_shift, pattern, steps_of_search};
 use self::slopes::{correct, jacobian, made, moved, regularised, scale, told};
 use crate::floor::Metric;

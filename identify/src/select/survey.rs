@@ -13,7 +13,7 @@ use crate::workers::{Cancelled, Workers, gathered};
 
 /// Distance of the centres, and most of them in a row: a larger place is surveyed with larger patches farther apart.
 const APART_M: f64 = 0.25;
-const MOST_IN_A_ROW: usize = 14;
+const MOST_IN_A_ROW: usize = 16;
 /// Radius, in distances of the centres, that of larger ones, which are tried where so many of the others explain most, and the share of the friction that is left.
 const RADIUS: f64 = 1.0;
 const LARGER: f64 = 1.8;
@@ -53,7 +53,7 @@ pub(super) fn survey(
 ) -> Result<Vec<Patch>, Cancelled> {
     let side = &data.coarse;
     let excesses = excess_of_windows(data);
-    let Some((centres, apart_m)) = centres(side.records) else {
+    let Some((centres, apart_m)) = centres(side.records, data.model.reach_m()) else {
         return Ok(Vec::new());
     };
     let simulated = |patches: Vec<Vec<f64>>| -> Result<Vec<Patch>, Cancelled> {
@@ -143,21 +143,30 @@ fn changed(side: &Side, model: &Hypothesis, candidate: &Candidate) -> Option<Vec
     Some(kept.residuals)
 }
 
-/// Centres of a grid over all places that were measured, and their distance, m.
-fn centres(records: &[Record]) -> Option<(Vec<[f64; 2]>, f64)> {
+/// Centres of a grid from which patches reach all places where a wheel may have been, and their distance, m: a robot that turns at the edge of a patch has
+/// a wheel on it and its middle beside it.
+///
+/// - `reach_m`: distance of the farthest wheel from the middle, which is what was measured.
+fn centres(records: &[Record], reach_m: f64) -> Option<(Vec<[f64; 2]>, f64)> {
     let mut low = [f64::INFINITY; 2];
     let mut high = [f64::NEG_INFINITY; 2];
     for place in records.iter().flat_map(Record::positions_m) {
         for axis in 0..2 {
-            low[axis] = low[axis].min(place[axis]);
-            high[axis] = high[axis].max(place[axis]);
+            low[axis] = low[axis].min(place[axis] - reach_m);
+            high[axis] = high[axis].max(place[axis] + reach_m);
         }
     }
     let extent = (high[0] - low[0]).max(high[1] - low[1]);
     if !extent.is_finite() {
         return None;
     }
-    let apart = APART_M.max(extent / (MOST_IN_A_ROW - 1) as f64);
+    // Beyond the outermost wheel by one radius, which is of the distance.
+    let beside = 2.0 * RADIUS;
+    let apart = APART_M.max(extent / (MOST_IN_A_ROW as f64 - 1.0 - beside));
+    for axis in 0..2 {
+        low[axis] -= RADIUS * apart;
+        high[axis] += RADIUS * apart;
+    }
     let along = |axis: usize| {
         let count = (((high[axis] - low[axis]) / apart) as usize + 1).min(MOST_IN_A_ROW);
         let first = 0.5 * (low[axis] + high[axis] - apart * (count - 1) as f64);
@@ -213,12 +222,14 @@ mod tests {
     fn all_that_was_driven_on_is_surveyed_and_a_larger_place_more_coarsely() {
         let at = |x_m: f64, y_m: f64| PoseCell { x_m, y_m, ..pose(0.6) };
         let run = |places: Vec<PoseCell>| [record(vec![window(Vec::new(), Vec::new(), places)])];
-        assert_eq!(centres(&run(Vec::new())), None, "no camera saw it");
-        let (small, apart) = centres(&run(vec![at(-0.5, 0.0), at(0.5, 0.625)])).unwrap_or_default();
-        assert_eq!((small.len(), apart), (5 * 3, APART_M));
-        assert_eq!((small[0], small[14]), ([-0.5, 0.0625], [0.5, 0.5625]));
-        let (large, apart) = centres(&run(vec![at(0.0, 0.0), at(26.0, 0.0)])).unwrap_or_default();
-        assert_eq!((large.len(), apart), (MOST_IN_A_ROW, 2.0));
+        let reach_m = 0.25;
+        assert_eq!(centres(&run(Vec::new()), reach_m), None, "no camera saw it");
+        let (small, apart) = centres(&run(vec![at(-0.5, 0.0), at(0.5, 0.625)]), reach_m).unwrap_or_default();
+        assert_eq!((small.len(), apart), (9 * 7, APART_M));
+        // Patches that reach the outermost wheels from beside them.
+        assert_eq!((small[0], small[62]), ([-1.0, -0.4375], [1.0, 1.0625]));
+        let (large, apart) = centres(&run(vec![at(0.0, 0.0), at(25.5, 0.0)]), reach_m).unwrap_or_default();
+        assert_eq!((large.len(), apart), (MOST_IN_A_ROW * 3, 2.0));
     }
 
     #[test]

@@ -11,10 +11,10 @@ use super::finalist::Finalist;
 use super::in_turn::HARDLY;
 use super::law_rest::energies;
 use super::round::{Side, Stop, VALIDATION_GAIN, probes, slack_of, slices};
-use crate::fit::{Fit, Member, Problem, fit, with_members};
+use crate::fit::{Fit, Member, Problem, fit, larger_patches, with_members};
 use crate::floor::{Floor, Metric};
 use crate::hypothesis::{Candidate, Hypothesis, Kind};
-use crate::record::residuals_with;
+use crate::record::{Record, residuals_with};
 use crate::screen::{columns, scores};
 use crate::workers::{Cancelled, Workers, gathered};
 
@@ -150,6 +150,11 @@ impl Question<'_> {
     ) -> Result<Option<Finalist>, Cancelled> {
         let candidate = &finalist.member.candidate;
         let mut starts = vec![finalist.member.values.clone()];
+        if candidate.entry.name == PLACE {
+            // The training runs may have met one side of it alone; the others were elsewhere.
+            let positions = self.train.records.iter().flat_map(Record::positions_m);
+            starts.extend(larger_patches(&finalist.member.values, positions, self.model.reach_m()));
+        }
         starts.extend(self.starts_of_validation(workers, candidate)?);
         let problem = self.problem(2.0 * threshold);
         let judged = gathered(workers, starts.len(), &|item| {
