@@ -229,13 +229,14 @@ fn replay_with(
             } else {
                 history.skip();
             }
-            // What is not finite stays so.
+            // What is not finite makes pose and wheel angles so, and these stay.
             if free.steps().is_multiple_of(u64::from(SUBSTEPS)) && !free.is_finite() {
                 return Err(ReplayError::NotFinite { time_s: now_s });
             }
         }
         if !free.is_finite() {
-            return Err(ReplayError::NotFinite { time_s: elapsed_s });
+            let time_s = free.steps() as f64 / f64::from(PHYSICS_RATE_HZ);
+            return Err(ReplayError::NotFinite { time_s });
         }
         out.push(ReplayRow {
             time_s: row.time_s,

@@ -7,6 +7,7 @@ mod slopes;
 
 pub use self::bounds::{Bounded, Bounds};
 pub use self::edge::larger_patches;
+pub(crate) use self::search::EDGE_SHARE;
 use self::search::{Search, TICKS, come_nearer, is_shift, pattern, steps_of_search};
 use self::slopes::{correct, jacobian, made, moved, regularised, scale, told};
 use crate::floor::Metric;
@@ -257,6 +258,9 @@ pub fn fit(problem: &Problem, start: Vec<Member>) -> Option<Fit> {
             serve_on = false;
             damping = 1e-2;
         }
+    }
+    if search.is_the_whole_floor(&members) {
+        return None;
     }
     Some(Fit {
         members,

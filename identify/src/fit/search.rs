@@ -1,6 +1,6 @@
 //! Simulations of a fit, and searches along its axes.
 
-use super::edge;
+use super::edge::{Edge, Move};
 use super::slopes::scale;
 use super::{LEAST_GAIN, Member, Problem, clamped, with_members};
 use crate::hypothesis::Axis;
@@ -15,9 +15,9 @@ pub(super) const NEAR: [f64; 1] = [0.25];
 /// The same in control ticks for what shifts time.
 pub(super) const TICKS: [f64; 2] = [1.0, 0.5];
 pub(super) const TICK_S: f64 = 1.0 / twin::CONTROL_RATE_HZ as f64;
-/// Share of the gain that a move about the edge of a patch has to add, and one that makes it larger: laws leave a tenth, and of patches that explain as much the
-/// smallest claims least of what nobody drove on.
-const EDGE_SHARE: f64 = 0.01;
+/// Share of what a patch explains that a move about its edge has to add, and one that makes it larger: the law of a tyre is off by as much, and of patches that
+/// explain the same the smallest claims least of what nobody drove on.
+pub(crate) const EDGE_SHARE: f64 = 0.01;
 const LARGER_SHARE: f64 = 0.05;
 /// Most times that the sizes of a start are halved.
 const MOST_HALVINGS: usize = 4;
@@ -197,40 +197,51 @@ pub(super) fn pattern(
     before - *energy > LEAST_GAIN
 }
 
-/// The same with moves that keep the edge of a patch of which one side is met. They have to gain what a law may be off by: of little that is told of the rest of
-/// the patch everything would be made.
+/// Moves that leave the edge of a patch where it is of which one side is met. What they add is held against what the patch explains beside the other members.
 fn about_edges(search: &mut Search, members: &mut Vec<Member>, now: &mut Vec<Vec<f64>>, energy: &mut f64, part: f64) {
     let patches: Vec<usize> = (0..members.len()).filter(|m| is_patch(&members[*m])).collect();
-    if patches.is_empty() {
-        return;
-    }
-    let base_energy = search.energy(search.problem.residuals);
     for m in patches {
-        for k in 0..edge::COUNT {
+        let positions = search.problem.records.iter().flat_map(Record::positions_m);
+        let edge = Edge::of(&members[m].values, positions, search.problem.base.reach_m());
+        let Some(mut edge) = edge else { continue };
+        let Some(without) = energy_without(search, members, m) else {
+            continue;
+        };
+        for way in Move::ALL {
             for _ in 0..MOST_MOVES {
                 let own = &members[m];
                 let axes = &own.candidate.axes;
                 let step_m = part * scale(&axes[0], own.values[0]);
-                let positions = search.problem.records.iter().flat_map(Record::positions_m);
-                let moves = edge::moves(&own.values, positions, search.problem.base.reach_m(), step_m);
-                let Some(moves) = moves else { break };
+                let moved = edge.moved(&own.values, way, step_m);
                 let mut trial = members.clone();
                 trial[m].values = axes
                     .iter()
-                    .zip(&moves[k])
+                    .zip(&moved)
                     .map(|(axis, value)| clamped(axis, *value))
                     .collect();
-                let share = if k == edge::LARGER { LARGER_SHARE } else { EDGE_SHARE };
-                let least = (share * (base_energy - *energy)).max(LEAST_GAIN);
+                let share = if way == Move::Larger { LARGER_SHARE } else { EDGE_SHARE };
+                let least = (share * (without - *energy)).max(LEAST_GAIN);
                 let better = search
                     .simulate(&trial)
                     .filter(|residuals| search.energy(residuals) < *energy - least);
                 let Some(residuals) = better else { break };
                 *energy = search.energy(&residuals);
                 (*members, *now) = (trial, residuals);
+                edge = edge.after(&members[m].values);
             }
         }
     }
+}
+
+/// Energy under the other members alone.
+fn energy_without(search: &mut Search, members: &[Member], m: usize) -> Option<f64> {
+    let mut others = members.to_vec();
+    others.remove(m);
+    if others.is_empty() {
+        return Some(search.energy(search.problem.residuals));
+    }
+    let residuals = search.simulate(&others)?;
+    Some(search.energy(&residuals))
 }
 
 fn is_patch(member: &Member) -> bool {

@@ -11,7 +11,7 @@ use super::finalist::Finalist;
 use super::in_turn::HARDLY;
 use super::law_rest::energies;
 use super::round::{Side, Stop, VALIDATION_GAIN, probes, slack_of, slices};
-use crate::fit::{Fit, Member, Problem, fit, larger_patches, with_members};
+use crate::fit::{EDGE_SHARE, Fit, Member, Problem, fit, larger_patches, with_members};
 use crate::floor::{Floor, Metric};
 use crate::hypothesis::{Candidate, Hypothesis, Kind};
 use crate::record::{Record, residuals_with};
@@ -150,12 +150,13 @@ impl Question<'_> {
     ) -> Result<Option<Finalist>, Cancelled> {
         let candidate = &finalist.member.candidate;
         let mut starts = vec![finalist.member.values.clone()];
+        starts.extend(self.starts_of_validation(workers, candidate)?);
+        let as_found = starts.len();
         if candidate.entry.name == PLACE {
             // The training runs may have met one side of it alone; the others were elsewhere.
             let positions = self.train.records.iter().flat_map(Record::positions_m);
             starts.extend(larger_patches(&finalist.member.values, positions, self.model.reach_m()));
         }
-        starts.extend(self.starts_of_validation(workers, candidate)?);
         let problem = self.problem(2.0 * threshold);
         let judged = gathered(workers, starts.len(), &|item| {
             let member = Member {
@@ -167,8 +168,16 @@ impl Question<'_> {
         let is_shown = |judged: &Finalist| {
             judged.gain_train >= threshold && judged.gain_validation >= threshold && self.is_sound(judged, threshold)
         };
-        let shown = judged.into_iter().flatten().filter(is_shown);
-        Ok(shown.max_by(|a, b| a.gain().total_cmp(&b.gain())))
+        let mut shown: Vec<Option<Finalist>> = judged.into_iter().map(|judged| judged.filter(is_shown)).collect();
+        let larger = shown.split_off(as_found);
+        let mut best = shown.into_iter().flatten().max_by(|a, b| a.gain().total_cmp(&b.gain()));
+        for patch in larger.into_iter().flatten() {
+            let is_better = |best: &Finalist| patch.gain() > (1.0 + EDGE_SHARE) * best.gain();
+            if best.as_ref().is_none_or(is_better) {
+                best = Some(patch);
+            }
+        }
+        Ok(best)
     }
 
     /// To be fitted to both sides.

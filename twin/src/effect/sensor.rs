@@ -212,8 +212,9 @@ pub(crate) fn moves_poses(stages: &[SensorStage]) -> bool {
 /// The newest true states of a trace, one per physics step.
 #[derive(Debug, Clone)]
 pub(crate) struct History {
-    /// A ring: the oldest is at `first`.
+    /// A ring once it has `capacity` places: the oldest is at `first`, which is 0 before.
     states: Vec<RobotState>,
+    capacity: usize,
     first: usize,
     count: usize,
     /// Step of the newest state.
@@ -242,7 +243,8 @@ impl History {
         }
         let capacity = 3 + ((back_s + ahead_s) * f64::from(PHYSICS_RATE_HZ)) as usize;
         History {
-            states: vec![first; capacity],
+            states: vec![first],
+            capacity,
             first: 0,
             count: 1,
             newest: 0,
@@ -253,9 +255,12 @@ impl History {
 
     /// Goes on by a step; the place of its state, still with an older one in it.
     pub(crate) fn next(&mut self) -> &mut RobotState {
-        if self.count == self.states.len() {
+        if self.count == self.capacity {
             self.first = self.at(1);
         } else {
+            if self.count == self.states.len() {
+                self.states.push(RobotState::ZERO);
+            }
             self.count += 1;
         }
         self.newest += 1;
@@ -284,7 +289,7 @@ impl History {
 
     /// Goes on by a step whose state is not needed, nor those before it.
     pub(crate) fn skip(&mut self) {
-        self.count = 0;
+        (self.first, self.count) = (0, 0);
         self.newest += 1;
     }
 
@@ -306,6 +311,7 @@ impl History {
 
     /// The states before and after a time, and the part of the way from one to the other; `None`: it is the second.
     fn beside(&self, position: f64) -> (&RobotState, &RobotState, Option<f64>) {
+        debug_assert!(self.count > 0, "no state is known");
         let nearest = position.round();
         let position = if (position - nearest).abs() < STAMP_TOLERANCE_STEPS {
             nearest
