@@ -11,9 +11,9 @@ use crate::record::{Added, Record, residuals_with};
 use crate::screen::Score;
 use crate::workers::{Cancelled, Workers, gathered};
 
-/// Distance of the centres, and most of them in a row: a larger place is surveyed with larger patches farther apart.
+/// Distance of the centres, and most of them in a row over the places that the robot's middle was in: a larger one is surveyed with larger patches farther apart.
 const APART_M: f64 = 0.25;
-const MOST_IN_A_ROW: usize = 16;
+const MOST_IN_A_ROW: usize = 14;
 /// Radius, in distances of the centres, that of larger ones, which are tried where so many of the others explain most, and the share of the friction that is left.
 const RADIUS: f64 = 1.0;
 const LARGER: f64 = 1.8;
@@ -152,25 +152,21 @@ fn centres(records: &[Record], reach_m: f64) -> Option<(Vec<[f64; 2]>, f64)> {
     let mut high = [f64::NEG_INFINITY; 2];
     for place in records.iter().flat_map(Record::positions_m) {
         for axis in 0..2 {
-            low[axis] = low[axis].min(place[axis] - reach_m);
-            high[axis] = high[axis].max(place[axis] + reach_m);
+            low[axis] = low[axis].min(place[axis]);
+            high[axis] = high[axis].max(place[axis]);
         }
     }
     let extent = (high[0] - low[0]).max(high[1] - low[1]);
     if !extent.is_finite() {
         return None;
     }
-    // Beyond the outermost wheel by one radius, which is of the distance.
-    let beside = 2.0 * RADIUS;
-    let apart = APART_M.max(extent / (MOST_IN_A_ROW as f64 - 1.0 - beside));
-    for axis in 0..2 {
-        low[axis] -= RADIUS * apart;
-        high[axis] += RADIUS * apart;
-    }
+    let apart = APART_M.max(extent / (MOST_IN_A_ROW - 1) as f64);
+    // Beside the outermost wheel by one radius, which is of the distance.
+    let beside = (reach_m / apart + RADIUS) as usize;
     let along = |axis: usize| {
         let count = (((high[axis] - low[axis]) / apart) as usize + 1).min(MOST_IN_A_ROW);
-        let first = 0.5 * (low[axis] + high[axis] - apart * (count - 1) as f64);
-        (0..count).map(move |i| first + apart * i as f64)
+        let first = 0.5 * (low[axis] + high[axis] - apart * (count - 1) as f64) - apart * beside as f64;
+        (0..count + 2 * beside).map(move |i| first + apart * i as f64)
     };
     let all = along(0).flat_map(|x| along(1).map(move |y| [x, y])).collect();
     Some((all, apart))
@@ -228,8 +224,8 @@ mod tests {
         assert_eq!((small.len(), apart), (9 * 7, APART_M));
         // Patches that reach the outermost wheels from beside them.
         assert_eq!((small[0], small[62]), ([-1.0, -0.4375], [1.0, 1.0625]));
-        let (large, apart) = centres(&run(vec![at(0.0, 0.0), at(25.5, 0.0)]), reach_m).unwrap_or_default();
-        assert_eq!((large.len(), apart), (MOST_IN_A_ROW * 3, 2.0));
+        let (large, apart) = centres(&run(vec![at(0.0, 0.0), at(26.0, 0.0)]), reach_m).unwrap_or_default();
+        assert_eq!((large.len(), apart), ((MOST_IN_A_ROW + 2) * 3, 2.0));
     }
 
     #[test]
