@@ -221,12 +221,15 @@ fn about_edges(search: &mut Search, members: &mut Vec<Member>, now: &mut Vec<Vec
                     .collect();
                 let share = if way == Move::Larger { LARGER_SHARE } else { EDGE_SHARE };
                 let least = (share * (without - *energy)).max(LEAST_GAIN);
-                let better = search
-                    .simulate(&trial)
-                    .filter(|residuals| search.energy(residuals) < *energy - least);
-                let Some(residuals) = better else { break };
-                *energy = search.energy(&residuals);
-                (*members, *now) = (trial, residuals);
+                let Some(residuals) = search.simulate(&trial) else {
+                    break;
+                };
+                let trial_energy = search.energy(&residuals);
+                let is_better = trial_energy < *energy - least;
+                if !is_better {
+                    break;
+                }
+                (*members, *now, *energy) = (trial, residuals, trial_energy);
                 edge = edge.after(&members[m].values);
             }
         }
