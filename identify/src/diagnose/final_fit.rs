@@ -4,6 +4,7 @@ use super::beside::{calibrate_small, correct_smoothed, reserve_rests, reserve_wi
 use super::evenness::evenness;
 use super::interval::may_be_none;
 use super::prepared::{Prepared, prepare};
+use super::range_end::reserve_ends;
 use super::trend::trend;
 use super::{Case, DiagnoseError, TINY, loudness};
 use crate::fit::{Member, Problem, fit, with_members};
@@ -93,6 +94,7 @@ pub(super) fn finish(
         correct_smoothed(&mut case.taken);
         reserve_rests(&mut case.taken);
         reserve_wide(&mut case.taken);
+        reserve_ends(&mut case.taken);
         let after = with_members(&case.floor.model, &fit.members);
         let records: Vec<&Record> = both.records.iter().collect();
         let shares = loudness::shares(&case.input.runs, &records, &case.floor.model, &after);

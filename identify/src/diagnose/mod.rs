@@ -20,6 +20,7 @@ mod nearest;
 mod next;
 mod opening;
 mod prepared;
+mod range_end;
 mod suspected;
 mod taken;
 mod trend;

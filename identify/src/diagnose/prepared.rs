@@ -65,9 +65,14 @@ impl Prepared {
         Ok(())
     }
 
-    /// Prepared with the floor's present model.
+    /// Prepared with the floor's present knobs, and its model but for effects that it has taken in since: these are small, and the references'
+    /// sensitivities are of before them too.
     pub fn is_of(&self, floor: &Floor) -> bool {
-        self.base == floor.model && self.sensitivities.len() == floor.knobs.len()
+        let (own, present) = (&self.base, &floor.model);
+        self.sensitivities.len() == floor.knobs.len()
+            && own.description == present.description
+            && own.residual == present.residual
+            && present.effects.starts_with(&own.effects)
     }
 
     /// With the runs of another role, under the floor's model, all windows at their weight.

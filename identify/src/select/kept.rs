@@ -24,6 +24,8 @@ pub struct Kept {
     pub(super) fitted: Vec<Fitted>,
     /// Where patches explain most at the present model; unknown before anybody asked.
     patches: Option<Vec<Patch>>,
+    /// Fits begun there, at the present model.
+    pub(super) surveyed: Vec<Fitted>,
 }
 
 impl Kept {
@@ -38,6 +40,7 @@ impl Kept {
         self.refused_before = 0;
         self.fitted.clear();
         self.patches = None;
+        self.surveyed.clear();
     }
 
     /// The floor's model has taken something in: what was fitted is fitted again.
@@ -45,6 +48,7 @@ impl Kept {
         self.refused_before = self.refused.len();
         self.fitted.clear();
         self.patches = None;
+        self.surveyed.clear();
     }
 
     /// Until an effect is accepted, what a round refused is fitted again only when much more of it is seen: the floor's model takes in
@@ -75,6 +79,16 @@ impl Kept {
             self.patches = Some(ask()?);
         }
         Ok(self.patches.as_deref().unwrap_or_default())
+    }
+
+    /// Fits that were begun where patches explain most; none where one has to be finished.
+    pub(super) fn take_surveyed(&mut self) -> Vec<Fitted> {
+        let all = core::mem::take(&mut self.surveyed);
+        if all.iter().all(Fitted::is_finished) {
+            all
+        } else {
+            Vec::new()
+        }
     }
 
     /// Candidates that are not looked at any more.
@@ -108,7 +122,7 @@ pub(super) fn remembered_of(remembered: &mut Vec<Fitted>, list: &[usize]) -> (Ve
             .iter()
             .filter(|fitted| fitted.position == position)
             .peekable();
-        own.peek().is_some() && own.all(|fitted| !fitted.fit.is_given_up && !fitted.is_open)
+        own.peek().is_some() && own.all(Fitted::is_finished)
     };
     let (known, unknown): (Vec<usize>, Vec<usize>) = list.iter().partition(|position| is_known(**position));
     let all = core::mem::take(remembered);

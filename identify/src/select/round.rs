@@ -160,6 +160,29 @@ impl Fitted {
             finalist: None,
         }
     }
+
+    /// Neither it nor another start of its candidate was given up.
+    pub(super) fn is_finished(&self) -> bool {
+        !self.fit.is_given_up && !self.is_open
+    }
+
+    /// A copy without slopes, which are most of a fit's memory.
+    fn without_slopes(&self) -> Fitted {
+        let fit = Fit {
+            jacobian: Vec::new(),
+            members: self.fit.members.clone(),
+            residuals: self.fit.residuals.clone(),
+            covariance: self.fit.covariance.clone(),
+            free: self.fit.free.clone(),
+            ..self.fit
+        };
+        Fitted {
+            fit,
+            joint: self.joint.clone(),
+            finalist: self.finalist.clone(),
+            ..*self
+        }
+    }
 }
 
 /// Runs a round.
@@ -246,7 +269,11 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Kept) -> Result<Sto
         let is_seen = begin_at(&mut stop.scores[patch], patches, data.share());
         if is_seen && stop.scores[patch].gain > weak && !kept.is_vain(patch, stop.scores[patch].gain) {
             stop.threshold = threshold;
-            hear(workers, data, &mut stop, &mut fitted, (Vec::new(), &[patch]))?;
+            let known = kept.take_surveyed();
+            let unknown: &[usize] = if known.is_empty() { &[patch] } else { &[] };
+            let before = fitted.len();
+            hear(workers, data, &mut stop, &mut fitted, (known, unknown))?;
+            kept.surveyed = fitted[before..].iter().map(Fitted::without_slopes).collect();
         }
     }
     let is_vain = |fitted: &&Fitted| fitted.fit.gain < WANTED * threshold && !fitted.fit.is_given_up;
