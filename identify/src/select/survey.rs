@@ -19,6 +19,8 @@ const RADIUS: f64 = 1.0;
 const LARGER: f64 = 1.8;
 const TRIED_LARGER: usize = 12;
 const LEFT: f64 = 0.3;
+/// Around so many of the best it is also looked half way to their neighbours.
+const TRIED_BETWEEN: usize = 6;
 /// Least part of such a patch that fits begin with: what slides at once says little of how far the friction has to fall for it.
 const LEAST_PART: f64 = 0.3;
 /// So many fits begin where patches explain most, their centres farther apart than neighbours are.
@@ -80,10 +82,41 @@ pub(super) fn survey(
     };
     let patch = |centre: [f64; 2], radius: f64| vec![centre[0], centre[1], radius * apart_m, LEFT];
     let mut found = simulated(centres.into_iter().map(|centre| patch(centre, RADIUS)).collect())?;
-    let best = found.iter().take(TRIED_LARGER);
-    let larger = best.map(|small| patch([small.values[0], small.values[1]], LARGER));
+    let best: Vec<[f64; 2]> = found.iter().map(|small| [small.values[0], small.values[1]]).collect();
+    let larger = best.iter().take(TRIED_LARGER).map(|centre| patch(*centre, LARGER));
     found.extend(simulated(larger.collect())?);
-    Ok(of_neighbourhoods(found, NEIGHBOURS * apart_m))
+    let between = between(&best[..best.len().min(TRIED_BETWEEN)], 0.5 * apart_m);
+    let between = simulated(between.into_iter().map(|centre| patch(centre, RADIUS)).collect())?;
+    Ok(with_one_between(
+        of_neighbourhoods(found, NEIGHBOURS * apart_m),
+        between,
+    ))
+}
+
+/// Places half way from some of the grid to their neighbours, each once.
+fn between(centres: &[[f64; 2]], half_m: f64) -> Vec<[f64; 2]> {
+    let mut all: Vec<[f64; 2]> = Vec::new();
+    for [x, y] in centres {
+        let around = [-1.0, 0.0, 1.0].map(|i| [-1.0, 0.0, 1.0].map(|j| (i, j)));
+        for (i, j) in around.into_iter().flatten().filter(|step| *step != (0.0, 0.0)) {
+            let place = [x + i * half_m, y + j * half_m];
+            let is_there = |other: &[f64; 2]| {
+                let [dx, dy] = [0, 1].map(|axis| (other[axis] - place[axis]).abs());
+                dx.max(dy) < 0.5 * half_m
+            };
+            if !all.iter().any(is_there) {
+                all.push(place);
+            }
+        }
+    }
+    all
+}
+
+/// A fit begins also between the places of the grid, where one there explains more than all of these.
+fn with_one_between(chosen: Vec<Patch>, between: Vec<Patch>) -> Vec<Patch> {
+    let most = chosen.first().map_or(0.0, |patch| patch.gain);
+    let best = between.into_iter().next().filter(|patch| patch.gain > most);
+    best.into_iter().chain(chosen).collect()
 }
 
 /// The part of a change that lowers the energy most, and by how much.
@@ -212,6 +245,33 @@ mod tests {
         ];
         let chosen: Vec<f64> = of_neighbourhoods(all, 0.375).iter().map(|place| place.gain).collect();
         assert_eq!(chosen, [80.0, 60.0]);
+    }
+
+    #[test]
+    fn places_half_way_to_neighbours_are_tried_once_each() {
+        let around = between(&[[1.0, 2.0]], 0.1);
+        assert_eq!(around.len(), 8);
+        let far = |place: &[f64; 2]| (place[0] - 1.0).abs().max((place[1] - 2.0).abs());
+        assert!(
+            around.iter().all(|place| (far(place) - 0.1).abs() < 1e-12),
+            "{around:?}"
+        );
+        // Two neighbours of the grid share the three places between them.
+        assert_eq!(between(&[[1.0, 2.0], [1.2, 2.0]], 0.1).len(), 8 + 5);
+        assert!(between(&[], 0.1).is_empty());
+    }
+
+    #[test]
+    fn a_fit_begins_between_the_grid_where_that_explains_more() {
+        let grid = || vec![place(0.0, 0.0, 2.3), place(1.0, 0.0, 1.0)];
+        let gains = |of: Vec<Patch>| of.iter().map(|patch| patch.gain).collect::<Vec<_>>();
+        let found = with_one_between(grid(), vec![place(0.125, 0.125, 76.0), place(0.0, 0.125, 59.0)]);
+        assert_eq!(gains(found), [76.0, 2.3, 1.0], "the best promises most");
+        assert_eq!(
+            gains(with_one_between(grid(), vec![place(0.125, 0.0, 2.0)])),
+            [2.3, 1.0]
+        );
+        assert_eq!(gains(with_one_between(grid(), Vec::new())), [2.3, 1.0]);
     }
 
     #[test]
