@@ -65,8 +65,8 @@ impl Prepared {
         Ok(())
     }
 
-    /// Prepared with the floor's present model. What it has taken in since changes the sensitivities by enough for a name that is not there to stay (blind
-    /// bench, none 404/144).
+    /// Prepared with the floor's present model. What it takes in afterwards changes the sensitivities: with the old ones a healthy robot kept a name (blind
+    /// bench, seed 404, set 144).
     pub fn is_of(&self, floor: &Floor) -> bool {
         self.base == floor.model && self.sensitivities.len() == floor.knobs.len()
     }

@@ -14,9 +14,14 @@ pub(super) fn reserve_ends(all: &mut [Taken]) {
         let stopped = axes.filter_map(|(axis, value)| Some((axis, end_at(axis, *value)?)));
         let why: Vec<String> = stopped
             .map(|(axis, end)| {
+                let unit = if axis.unit == "1" {
+                    String::new()
+                } else {
+                    format!(" {}", axis.unit)
+                };
                 format!(
-                    "its {} stands at {end} {}, the end of what the library allows: it is larger than that, or another effect",
-                    axis.name, axis.unit
+                    "its {} stands at {end}{unit}, the end of what the library allows, so the effect is larger than that, or another one",
+                    axis.name
                 )
             })
             .collect();
@@ -55,6 +60,11 @@ mod tests {
         assert!(
             limited.iter().any(|why| why.contains("limit stands at 0.05 m/s2")),
             "{limited:?}"
+        );
+        let gain = at("weak_motor", 0.2);
+        assert!(
+            gain.iter().any(|why| why.contains("gain stands at 0.2, the end")),
+            "{gain:?}"
         );
         assert!(!at("command_delay", 0.4999).is_empty(), "0.5 s at most");
         for (name, value) in [("command_delay", 0.3), ("acceleration_limit", 0.06), ("gyro_bias", 0.2)] {

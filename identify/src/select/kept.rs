@@ -200,11 +200,22 @@ mod tests {
         for forget in [Kept::outdate, Kept::absorb] {
             let mut kept = Kept {
                 fitted: all(),
+                surveyed: all(),
                 ..Kept::default()
             };
             forget(&mut kept);
-            assert!(kept.fitted.is_empty());
+            assert!(kept.fitted.is_empty() && kept.surveyed.is_empty());
         }
+        let mut kept = Kept {
+            surveyed: vec![fitted(3, false), fitted(3, false)],
+            ..Kept::default()
+        };
+        assert_eq!(positions(&kept.take_surveyed()), [3, 3]);
+        kept.surveyed = vec![fitted(3, false), fitted(3, true)];
+        assert!(
+            kept.take_surveyed().is_empty(),
+            "one was given up: all are fitted again"
+        );
     }
 
     #[test]

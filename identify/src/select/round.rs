@@ -136,7 +136,7 @@ impl Stop {
     }
 }
 
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Fitted {
     pub fit: Fit,
     pub position: usize,
@@ -164,24 +164,6 @@ impl Fitted {
     /// Neither it nor another start of its candidate was given up.
     pub(super) fn is_finished(&self) -> bool {
         !self.fit.is_given_up && !self.is_open
-    }
-
-    /// A copy without slopes, which are most of a fit's memory.
-    fn without_slopes(&self) -> Fitted {
-        let fit = Fit {
-            jacobian: Vec::new(),
-            members: self.fit.members.clone(),
-            residuals: self.fit.residuals.clone(),
-            covariance: self.fit.covariance.clone(),
-            free: self.fit.free.clone(),
-            ..self.fit
-        };
-        Fitted {
-            fit,
-            joint: self.joint.clone(),
-            finalist: self.finalist.clone(),
-            ..*self
-        }
     }
 }
 
@@ -273,7 +255,8 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Kept) -> Result<Sto
             let unknown: &[usize] = if known.is_empty() { &[patch] } else { &[] };
             let before = fitted.len();
             hear(workers, data, &mut stop, &mut fitted, (known, unknown))?;
-            kept.surveyed = fitted[before..].iter().map(Fitted::without_slopes).collect();
+            forget_slopes(&mut fitted);
+            kept.surveyed = fitted[before..].to_vec();
         }
     }
     let is_vain = |fitted: &&Fitted| fitted.fit.gain < WANTED * threshold && !fitted.fit.is_given_up;
@@ -284,12 +267,16 @@ pub fn round(workers: &dyn Workers, data: &Round, kept: &mut Kept) -> Result<Sto
     for finalist in stop.finalists.iter().filter(is_unwanted) {
         kept.vain.push((finalist.position, stop.scores[finalist.position].gain));
     }
-    // What is judged does without its slopes, which are most of a fit's memory.
-    for fitted in &mut fitted {
-        fitted.fit.jacobian = Vec::new();
-    }
+    forget_slopes(&mut fitted);
     kept.fitted = if fitted.is_empty() { remembered } else { fitted };
     Ok(stop)
+}
+
+/// What is judged does without its slopes, which are most of a fit's memory.
+fn forget_slopes(fitted: &mut [Fitted]) {
+    for fitted in fitted {
+        fitted.fit.jacobian = Vec::new();
+    }
 }
 
 /// Fits and judges a list, and chooses anew among all that was fitted.
