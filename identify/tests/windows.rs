@@ -71,6 +71,22 @@ fn a_play_of_the_gears_is_met_by_its_own_size_alone() {
     assert!(truth < 0.75 * none && truth < twice, "rad/s: {none} {truth} {twice}");
 }
 
+/// Encoders sit at the rotors: how the robot turns tells what wheels do within the play.
+#[test]
+fn a_play_of_the_gears_is_met_in_how_the_robot_turns() {
+    let play = |rad: f64| Effect::new("gear_backlash", &[("play", rad)]);
+    let is_gyro = |quantity| quantity == Quantity::Gyro;
+    let sizes = [0.015, 0.03, 0.06].map(|rad| [play(rad)]);
+    let models: [&[Effect]; 4] = [&[], &sizes[0], &sizes[1], &sizes[2]];
+    for chassis in ["diff2", "diff4", "rwd"] {
+        let [none, half, truth, twice] = left(chassis, &play(0.03), (is_gyro, WINDOW_S), models);
+        assert!(
+            truth < 0.6 * none && truth < half && truth < 0.6 * twice,
+            "{chassis}, rad/s: {none} {half} {truth} {twice}"
+        );
+    }
+}
+
 /// A speed loop in the middle of an acceleration holds its voltage with an error and less of an integral.
 #[test]
 fn windows_that_begin_in_an_acceleration_are_met() {

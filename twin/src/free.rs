@@ -262,7 +262,7 @@ fn substep_with(runtime: &mut Runtime, state: &mut BodyState, command: &WheelCom
         Some(drives) => motor_control::substep(drives, &runtime.live, state, &command, refinement),
         None => substep_refined(&runtime.live, state, &command, refinement),
     }
-    runtime.finish(state);
+    runtime.finish(state, &command);
 }
 
 #[inline(always)]
@@ -293,7 +293,7 @@ pub(crate) fn integrate(model: &Model, state: &mut BodyState, command: &WheelCom
 fn sample_controls(model: &Model, state: &mut BodyState, command: &WheelCommand) {
     let wanted = [0, 1, 2, 3].map(|lane| command.wheel_rad_per_s[model.wheel_of_lane[lane]]);
     let Some(motor) = &model.motor else {
-        for lane in (0..model.lanes).filter(|lane| model.driven[*lane]) {
+        for lane in (0..model.lanes).filter(|lane| model.free[*lane] == 0.0) {
             state.wheel[lane] = wanted[lane] / model.encoder[lane];
         }
         return;

@@ -67,6 +67,8 @@ pub(crate) struct Model {
     pub(crate) powered: [f64; MAX_WHEELS],
     /// 1 where the wheel speed is a state, 0 where it follows its command (driven without a motor model).
     pub(crate) free: [f64; MAX_WHEELS],
+    /// Whether its rotors turn as they are told ([`Model::follow`]).
+    pub(crate) follows: bool,
     pub(crate) driven: [bool; MAX_WHEELS],
     pub(crate) steered: [bool; MAX_WHEELS],
     pub(crate) viscous_n_m_s: [f64; MAX_WHEELS],
@@ -161,6 +163,7 @@ impl Model {
             contact_varies: false,
             powered: zero,
             free: [1.0; MAX_WHEELS],
+            follows: false,
             driven: [false; MAX_WHEELS],
             steered: [false; MAX_WHEELS],
             viscous_n_m_s: zero,
@@ -234,6 +237,16 @@ impl Model {
     pub(crate) fn current_a(&self, motor: &MotorModel, lane: usize, voltage_v: f64, wheel_rad_per_s: f64) -> f64 {
         let free = (voltage_v - self.torque_per_current[lane] * wheel_rad_per_s) * self.per_ohm[lane];
         free.min(motor.current_limit_a).max(-motor.current_limit_a)
+    }
+
+    /// Lets rotors turn as they are told. Friction and strength of the motors stay, for what is told of currents and what is not a wheel's.
+    pub(crate) fn follow(&mut self) {
+        self.follows = true;
+        self.motor = None;
+        for lane in (0..self.lanes).filter(|lane| self.driven[*lane]) {
+            (self.powered[lane], self.free[lane]) = (0.0, 0.0);
+        }
+        self.freeze();
     }
 
     fn set_wheel(&mut self, lane: usize, index: usize, robot: &RobotDescription) {

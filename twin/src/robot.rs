@@ -198,6 +198,18 @@ impl Robot {
         })
     }
 
+    /// A robot whose rotors turn as set-points tell, exactly: what moves it when an encoder at the rotor has said how it turned. The play of its
+    /// gears ([`LIBRARY`](crate::effect::library::LIBRARY), `gear_backlash`) lies between them and the wheels; [`Start::current_a`](crate::free::Start) tells on which
+    /// side. Its description has no motor.
+    ///
+    /// - Errors: as [`Robot::with_effects`].
+    pub fn with_told_rotors(description: RobotDescription, effects: &[Effect]) -> Result<Robot, ParameterError> {
+        let mut robot = Robot::with_effects(description, effects)?;
+        Arc::make_mut(&mut robot.model).follow();
+        robot.description.motor = None;
+        Ok(robot)
+    }
+
     /// The learned residual of its model.
     pub fn residual(&self) -> Option<&Residual> {
         self.residual.as_deref()

@@ -1,5 +1,6 @@
 //! Play in the gears: what the motor, the wheel and the body do while a rotor crosses.
 
+use twin::command::WheelCommand;
 use twin::effect::Effect;
 use twin::free::FreeRobot;
 use twin::golden::reference_robot;
@@ -90,4 +91,57 @@ fn a_wheel_of_a_robot_at_rest_stays_at_rest() {
     drive(&robot, &mut free, 0.0, 480);
     let state = free.state();
     assert!(state.pose.x_m.abs() < 1e-9 && state.wheel_rad_per_s[0].abs() < 1e-9);
+}
+
+/// Encoder speeds of every step of a robot that turns to and fro, and its yaw.
+fn turned(robot: &Robot, encoders: Option<&[WheelCommand]>) -> (Vec<WheelCommand>, Vec<f64>) {
+    let mut free = FreeRobot::at_rest(robot, Pose::default());
+    let (mut told, mut yaw_rad) = (Vec::new(), Vec::new());
+    for step in 0..1920_u32 {
+        let sign = if (step / 320).is_multiple_of(2) { 1.0 } else { -1.0 };
+        let own = robot.wheel_speeds(BodyTwist {
+            forward_m_per_s: 0.1,
+            yaw_rate_rad_per_s: sign,
+            ..BodyTwist::default()
+        });
+        free.step(encoders.map_or(&own, |encoders| &encoders[step as usize]));
+        let state = free.state();
+        told.push(WheelCommand {
+            wheel_rad_per_s: state.wheel_rad_per_s,
+            steering_rad: 0.0,
+        });
+        yaw_rad.push(state.pose.yaw_rad);
+    }
+    (told, yaw_rad)
+}
+
+/// What encoders at the rotors say, and the play behind them, tell how the robot turned.
+#[test]
+fn wheels_behind_told_rotors_move_the_robot_as_its_motors_did() {
+    let play = |play_rad: f64| [Effect::new("gear_backlash", &[("play", play_rad)])];
+    for chassis in ["diff2", "diff4", "omni4"] {
+        let driven = Robot::with_effects(reference_robot(chassis), &play(0.05)).expect("a robot");
+        let (encoders, truth) = turned(&driven, None);
+        let off = |play_rad: f64| {
+            let told = Robot::with_told_rotors(reference_robot(chassis), &play(play_rad)).expect("a robot");
+            assert!(told.description().motor.is_none());
+            let (_, yaw_rad) = turned(&told, Some(&encoders));
+            let squares = yaw_rad.iter().zip(&truth).map(|(a, b)| (a - b) * (a - b));
+            (squares.sum::<f64>() / truth.len() as f64).sqrt()
+        };
+        let (without, with) = (off(0.0), off(0.05));
+        assert!(
+            with < 0.5 * without,
+            "{chassis}, rad: {with} with the play, {without} without"
+        );
+    }
+}
+
+#[test]
+fn told_rotors_without_play_are_wheels_without_motors() {
+    let told = Robot::with_told_rotors(reference_robot("diff4"), &[]).expect("a robot");
+    let mut plain = reference_robot("diff4");
+    plain.motor = None;
+    let plain = Robot::new(plain).expect("a robot");
+    assert_eq!(turned(&told, None), turned(&plain, None));
 }

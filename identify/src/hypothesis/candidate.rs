@@ -305,8 +305,9 @@ fn step_sign(axis: &Axis, entry: &EffectEntry, robot: &RobotDescription) -> f64 
 /// Which chains can see an effect.
 fn stages(entry: &EffectEntry) -> Stages {
     // What wheels do behind the servo is felt by the motors: they hold each other over the floor.
-    const BOTH_SIDES: [&str; 6] = [
+    const BOTH_SIDES: [&str; 7] = [
         "encoder_scale",
+        "gear_backlash",
         "steering_lag",
         "clock_offset",
         "steering_offset",

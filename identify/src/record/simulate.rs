@@ -33,12 +33,15 @@ const ALIGN_RAD: f64 = 0.003;
 /// Fewest poses that lay a path.
 const FEWEST_ALIGNED: usize = 3;
 /// Actuator effects that act between the measured wheel or steering angle and the floor.
-const BEHIND_THE_ENCODER: [&str; 4] = [
+const BEHIND_THE_ENCODER: [&str; 5] = [
+    PLAY,
     "encoder_scale",
     "steering_offset",
     "steering_scale",
     "steering_backlash",
 ];
+/// The one of them that needs motors: currents tell on which side of their play wheels begin.
+const PLAY: &str = "gear_backlash";
 /// Servo that follows the measured steering angle at once, s.
 const INSTANT_S: f64 = 1e-4;
 /// Seconds of load history that warm a motor, in time constants.
@@ -73,8 +76,9 @@ fn residuals_where(
     if let Some(motor) = &mut charged.description.motor {
         motor.supply_v *= record.supply_ratio;
     }
-    let drive = Cached::new(charged);
-    let rolling = Cached::new(hypothesis.rolling(record.input.as_ref().is_some_and(|input| input.steering.is_some())));
+    let drive = Cached::new(charged, false);
+    let steering_is_measured = record.input.as_ref().is_some_and(|input| input.steering.is_some());
+    let rolling = Cached::new(hypothesis.rolling(steering_is_measured), true);
     for window in &record.windows {
         let is_touched = is_touched(window);
         for (chain, cached, wanted, is_rolling) in [
@@ -101,9 +105,20 @@ struct Cached {
 }
 
 impl Cached {
-    fn new(hypothesis: Hypothesis) -> Cached {
-        let robot = (!hypothesis.remembers()).then(|| hypothesis.robot()).flatten();
+    fn new(hypothesis: Hypothesis, is_rolling: bool) -> Cached {
+        let robot = (!hypothesis.remembers())
+            .then(|| robot_of(&hypothesis, is_rolling))
+            .flatten();
         Cached { hypothesis, robot }
+    }
+}
+
+/// The twin of a chain: motors that are left in the rolling one turn as their encoders said.
+fn robot_of(hypothesis: &Hypothesis, is_rolling: bool) -> Option<Robot> {
+    if is_rolling && hypothesis.description.motor.is_some() {
+        Robot::with_told_rotors(hypothesis.description.clone(), &hypothesis.effects).ok()
+    } else {
+        hypothesis.robot()
     }
 }
 
@@ -119,14 +134,11 @@ fn simulate(
     let robot = match &cached.robot {
         Some(robot) => robot,
         None => {
-            own = cached.hypothesis.at(window).robot()?;
+            own = robot_of(&cached.hypothesis.at(window), is_rolling)?;
             &own
         }
     };
     let mut start: Start = window.start;
-    if robot.description().motor.is_none() {
-        start.current_a = Default::default();
-    }
     let shifted: Vec<CommandRow>;
     let shift_s = if is_rolling {
         cached.hypothesis.clock_shift_s(window)
@@ -292,7 +304,14 @@ impl Hypothesis {
     /// What drives the rolling chain: no motors, wheels and servo as measured, and the effects behind the encoders.
     fn rolling(&self, steering_is_measured: bool) -> Hypothesis {
         let mut description = self.description.clone();
-        description.motor = None;
+        if self
+            .effects
+            .iter()
+            .all(|effect| effect.name != PLAY || effect.is_neutral())
+        {
+            description.motor = None;
+        }
+        let has_motor = description.motor.is_some();
         if let (Some(steering), true) = (&mut description.steering, steering_is_measured) {
             steering.lag_s = INSTANT_S;
             steering.filter_s = None;
@@ -306,7 +325,7 @@ impl Hypothesis {
                 Hook::Actuator => BEHIND_THE_ENCODER.contains(&entry.name) || lag,
                 Hook::Contact | Hook::Body | Hook::Sensor => true,
             };
-            acts && entry.needs != Needs::Motor
+            acts && (entry.needs != Needs::Motor || (entry.name == PLAY && has_motor))
         };
         Hypothesis {
             description,

@@ -362,11 +362,11 @@ impl Runtime {
 
     /// What goes on besides the body's own equations, at the end of a physics step.
     #[inline(never)]
-    pub(crate) fn finish(&mut self, state: &mut BodyState) {
+    pub(crate) fn finish(&mut self, state: &mut BodyState, command: &WheelCommand) {
         for (law, at) in &self.dynamics.laws {
             if let Law::GearPlay { half_rad } = law {
                 let memory = &mut self.memory[*at..at + law.words()];
-                gear::finish(memory, *half_rad, &self.base, &mut self.live, state);
+                gear::finish(memory, *half_rad, &self.base, &mut self.live, state, command);
             }
         }
     }

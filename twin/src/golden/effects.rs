@@ -1,4 +1,4 @@
-//! One short trace of every effect on every chassis that can have it, as the sensors report it.
+//! One short trace of every effect on every chassis that can have it, as the sensors report it, and one behind rotors that are told how they turn.
 
 use std::collections::BTreeMap;
 
@@ -14,12 +14,15 @@ use crate::twist::BodyTwist;
 /// Rows of every trace, at 120 Hz.
 const ROWS: u32 = 180;
 
-/// Digest by `<chassis>/<effect>` and `<chassis>/nominal`; committed in `twin/golden/effects.json`.
+/// Digest by `<chassis>/<effect>`, `<chassis>/nominal` and `<chassis>/told_rotors` (with play in the gears); committed in `twin/golden/effects.json`.
 pub fn effect_digests() -> Result<BTreeMap<String, String>, GoldenError> {
     let mut digests = BTreeMap::new();
     for chassis in CHASSIS {
         let description = reference_robot(chassis);
         digests.insert(format!("{chassis}/nominal"), digest(&description, &[])?);
+        let play = [Effect::new("gear_backlash", &[("play", 0.05)])];
+        let told = Robot::with_told_rotors(description.clone(), &play)?;
+        digests.insert(format!("{chassis}/told_rotors"), trace(&told)?);
         for entry in LIBRARY {
             let effect = [Effect::sized(entry, &description, |(_, large)| large)];
             // What the chassis cannot have (a steering gear, an omni wheel) is refused.

@@ -213,6 +213,7 @@ impl Model {
         fixed.radius_m = radius_m;
         fixed.radius2_m2 = radius_m * radius_m;
         fixed.spin_inertia_kg_m2 = four(&self.spin_inertia_kg_m2);
+        fixed.free = four(&self.free);
         fixed.present = present;
         fixed.powered = present * fixed.torque_per_current;
         fixed.back_torque = fixed.powered * (fixed.torque_per_current * per_ohm);

@@ -7,7 +7,12 @@
 //! `s`: share of the wheel's spin inertia that turns with the rotor. All dry and viscous friction of motor and gear is the
 //! rotor's. They meet without rebound, with the momentum of both, and part as soon as the rotor alone would lag behind
 //! (Nordin and Gutman, "Controlling mechanical systems with backlash", Automatica 38, 2002).
+//!
+//! Rotors that are told how they turn ([`Model::follows`]: an encoder at the rotor said it) do not answer to their wheels: a wheel goes as
+//! its rotor does while it is pushed, and parts as soon as the floor and what drags on it would carry it on.
 
+use crate::command::WheelCommand;
+use crate::kernel;
 use crate::model::Model;
 use crate::state::BodyState;
 use crate::{COULOMB_SCALE_RAD_PER_S, MAX_WHEELS, PHYSICS_PERIOD_S};
@@ -50,7 +55,7 @@ pub(super) fn settle(
     state: &mut BodyState,
 ) {
     let memory = Memory::of(words);
-    for lane in powered(base) {
+    for lane in geared(base) {
         memory.place_rad[lane] = half_rad * side(lane);
         memory.rotor_rad_per_s[lane] = state.wheel[lane];
         memory.before_rad_per_s[lane] = state.wheel[lane];
@@ -61,10 +66,12 @@ pub(super) fn settle(
 /// Constants of the coming step: while a rotor crosses, its wheel is alone.
 pub(super) fn prepare(words: &mut [f64], half_rad: f64, base: &Model, live: &mut Model) {
     let memory = Memory::of(words);
-    for lane in powered(base) {
+    for lane in geared(base) {
         live.spin_inertia_kg_m2[lane] = base.spin_inertia_kg_m2[lane];
+        live.free[lane] = base.free[lane];
         if memory.place_rad[lane].abs() < half_rad && half_rad > NEGLIGIBLE_RAD {
             live.powered[lane] = 0.0;
+            live.free[lane] = 1.0;
             live.spin_inertia_kg_m2[lane] *= 1.0 - ROTOR_SHARE;
             // What else drags on the wheel stays there.
             live.coulomb_n_m[lane] = (live.coulomb_n_m[lane] - base.coulomb_n_m[lane]).max(0.0);
@@ -73,13 +80,24 @@ pub(super) fn prepare(words: &mut [f64], half_rad: f64, base: &Model, live: &mut
     }
 }
 
-/// Rotors after a step of the wheels.
-pub(super) fn finish(words: &mut [f64], half_rad: f64, base: &Model, live: &mut Model, state: &mut BodyState) {
+/// Rotors after a step of the wheels; `command` told those that follow it.
+pub(super) fn finish(
+    words: &mut [f64],
+    half_rad: f64,
+    base: &Model,
+    live: &mut Model,
+    state: &mut BodyState,
+    command: &WheelCommand,
+) {
     if half_rad <= NEGLIGIBLE_RAD {
         return;
     }
+    if base.follows {
+        followed(words, half_rad, base, live, state, command);
+        return show(words, base, live, state);
+    }
     let memory = Memory::of(words);
-    for lane in powered(base) {
+    for lane in geared(base) {
         let wheel = state.wheel[lane];
         let before = memory.before_rad_per_s[lane];
         let place = memory.place_rad[lane];
@@ -115,10 +133,52 @@ pub(super) fn finish(words: &mut [f64], half_rad: f64, base: &Model, live: &mut 
     show(words, base, live, state);
 }
 
+/// Wheels of rotors that have turned as they were told.
+fn followed(
+    words: &mut [f64],
+    half_rad: f64,
+    base: &Model,
+    live: &Model,
+    state: &mut BodyState,
+    command: &WheelCommand,
+) {
+    let memory = Memory::of(words);
+    let rim_n = kernel::rim_forces_n(live, state);
+    let mut has_changed = false;
+    for lane in geared(base) {
+        let wheel = state.wheel[lane];
+        let place = memory.place_rad[lane];
+        let rotor = command.wheel_rad_per_s[base.wheel_of_lane[lane]] / base.encoder[lane];
+        memory.rotor_rad_per_s[lane] = rotor;
+        if place.abs() < half_rad {
+            let moved = PHYSICS_PERIOD_S * (rotor - 0.5 * (memory.before_rad_per_s[lane] + wheel));
+            let reached = (place + moved).min(half_rad).max(-half_rad);
+            memory.place_rad[lane] = reached;
+            if reached.abs() >= half_rad {
+                state.wheel[lane] = rotor;
+                has_changed = true;
+            }
+        } else {
+            // What its rotor had to give, the wheel's own inertia aside: it is small beside the body's, and measured speeds jump.
+            let drag_n_m = (live.viscous_n_m_s[lane] - base.viscous_n_m_s[lane]) * wheel
+                + (live.coulomb_n_m[lane] - base.coulomb_n_m[lane]) * libm::tanh(wheel / COULOMB_SCALE_RAD_PER_S);
+            if place * (live.radius_m[lane] * rim_n[lane] + drag_n_m) < 0.0 {
+                memory.place_rad[lane] = place * PARTED;
+                has_changed = true;
+            }
+        }
+        memory.before_rad_per_s[lane] = state.wheel[lane];
+    }
+    if has_changed {
+        // The matrix was that of wheels that follow, or do not.
+        state.carry.clear();
+    }
+}
+
 /// What encoders see of the play, for views and speed loops.
 pub(super) fn show(words: &mut [f64], base: &Model, live: &mut Model, state: &BodyState) {
     let memory = Memory::of(words);
-    for lane in powered(base) {
+    for lane in geared(base) {
         live.gear_place_rad[lane] = memory.place_rad[lane];
         live.gear_rate_rad_per_s[lane] = memory.rotor_rad_per_s[lane] - state.wheel[lane];
     }
@@ -143,9 +203,9 @@ fn rotor_after(base: &Model, lane: usize, rotor_rad_per_s: f64, voltage_v: f64) 
     }
 }
 
-fn powered(base: &Model) -> impl Iterator<Item = usize> + use<> {
-    let (lanes, present) = (base.lanes, base.powered);
-    (0..lanes).filter(move |lane| present[*lane] > 0.0)
+fn geared(base: &Model) -> impl Iterator<Item = usize> + use<> {
+    let (lanes, present, driven, follows) = (base.lanes, base.powered, base.driven, base.follows);
+    (0..lanes).filter(move |lane| present[*lane] > 0.0 || (follows && driven[*lane]))
 }
 
 #[cfg(test)]
@@ -164,7 +224,14 @@ mod tests {
         // The voltage that keeps 10 rad/s but for friction.
         state.voltage[0] = 10.0 * base.torque_per_current[0];
         let alone = rotor_after(&base, 0, 10.0, state.voltage[0]);
-        finish(&mut words, half_rad, &base, &mut live, &mut state);
+        finish(
+            &mut words,
+            half_rad,
+            &base,
+            &mut live,
+            &mut state,
+            &WheelCommand::default(),
+        );
         assert!(
             (state.wheel[0] - ROTOR_SHARE * alone).abs() < 1e-12,
             "{}",

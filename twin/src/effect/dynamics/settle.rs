@@ -26,9 +26,9 @@ impl Runtime {
                 }
                 Law::GearPlay { half_rad } => {
                     let base = &self.base;
-                    let (current, wheel) = (state.current, state.wheel);
+                    let wheel = state.wheel;
                     let side = |lane: usize| {
-                        let torque_n_m = current[lane] * base.torque_per_current[lane];
+                        let torque_n_m = start.current_a[base.wheel_of_lane[lane]] * base.torque_per_current[lane];
                         driven_side(torque_n_m, wheel[lane], base.coulomb_n_m[lane])
                     };
                     gear::settle(memory, *half_rad, side, base, state);
