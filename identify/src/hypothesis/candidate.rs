@@ -82,6 +82,20 @@ impl Candidate {
         effect
     }
 
+    /// Values half as far from no effect; what does not carry a size, and limits, stay.
+    pub fn halved(&self, values: &[f64]) -> Vec<f64> {
+        let pairs = self.axes.iter().zip(values);
+        pairs
+            .map(|(axis, value)| {
+                if axis.carries_size && axis.neutral.is_finite() {
+                    axis.neutral + 0.5 * (value - axis.neutral)
+                } else {
+                    *value
+                }
+            })
+            .collect()
+    }
+
     /// The largest size of the values in practical sizes; infinite for a speed that is limited, since it shows when it is reached.
     pub fn size(&self, values: &[f64]) -> f64 {
         let axes = self.axes.iter().zip(values).filter(|(axis, _)| axis.carries_size);

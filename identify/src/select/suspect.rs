@@ -157,19 +157,17 @@ impl Question<'_> {
             let positions = self.train.records.iter().flat_map(Record::positions_m);
             starts.extend(larger_patches(&finalist.member.values, positions, self.model.reach_m()));
         }
-        let problem = self.problem(2.0 * threshold);
-        let judged = gathered(workers, starts.len(), &|item| {
-            let member = Member {
-                candidate: candidate.clone(),
-                values: starts[item].clone(),
-            };
-            self.judged(finalist, &fit(&problem, vec![member])?)
-        })?;
-        let is_shown = |judged: &Finalist| {
-            judged.gain_train >= threshold && judged.gain_validation >= threshold && self.is_sound(judged, threshold)
-        };
-        let mut shown: Vec<Option<Finalist>> = judged.into_iter().map(|judged| judged.filter(is_shown)).collect();
-        let larger = shown.split_off(as_found);
+        let mut shown = self.shown(workers, finalist, &starts, threshold)?;
+        // Windows that err by much count little: where training runs have twice of what the others have, a fit that begins at theirs may stay there.
+        if candidate.entry.name != PLACE && shown.iter().all(Option::is_none) {
+            shown = self.shown(
+                workers,
+                finalist,
+                &[candidate.halved(&finalist.member.values)],
+                threshold,
+            )?;
+        }
+        let larger = shown.split_off(as_found.min(shown.len()));
         let mut best = shown.into_iter().flatten().max_by(|a, b| a.gain().total_cmp(&b.gain()));
         for patch in larger.into_iter().flatten() {
             let is_better = |best: &Finalist| patch.gain() > (1.0 + EDGE_SHARE) * best.gain();
@@ -178,6 +176,28 @@ impl Question<'_> {
             }
         }
         Ok(best)
+    }
+
+    /// Fits to both sides from `starts`, where they explain each of them.
+    fn shown(
+        &self,
+        workers: &dyn Workers,
+        finalist: &Finalist,
+        starts: &[Vec<f64>],
+        threshold: f64,
+    ) -> Result<Vec<Option<Finalist>>, Cancelled> {
+        let problem = self.problem(2.0 * threshold);
+        let judged = gathered(workers, starts.len(), &|item| {
+            let member = Member {
+                candidate: finalist.member.candidate.clone(),
+                values: starts[item].clone(),
+            };
+            self.judged(finalist, &fit(&problem, vec![member])?)
+        })?;
+        let is_shown = |judged: &Finalist| {
+            judged.gain_train >= threshold && judged.gain_validation >= threshold && self.is_sound(judged, threshold)
+        };
+        Ok(judged.into_iter().map(|judged| judged.filter(is_shown)).collect())
     }
 
     /// To be fitted to both sides.
