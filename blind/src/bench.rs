@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 /// Cosine from which two effects count as one name.
 const ONE_CLASS: f64 = 0.95;
 /// Rounds of diagnose, accept, rerun.
-const ROUNDS: u64 = 3;
+pub const ROUNDS: u64 = 3;
 
 /// One set's result.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -39,9 +39,9 @@ pub const DESCRIBED: f64 = 0.3;
 /// A patch is found within this, m.
 const PATCH_M: f64 = 0.15;
 /// A gap has grown from this factor.
-const WORSE: f64 = 1.05;
+pub const WORSE: f64 = 1.05;
 /// A gap is above its floor from this factor.
-const ABOVE_FLOOR: f64 = 1.5;
+pub const ABOVE_FLOOR: f64 = 1.5;
 
 /// The row of an effect by how far it shows.
 fn how_loud(known: &Known) -> &'static str {

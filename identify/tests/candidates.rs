@@ -126,3 +126,12 @@ fn effects_that_leave_the_drive_out_change_nothing_on_board() {
         assert!(left_out >= 5, "{chassis}");
     }
 }
+
+#[test]
+fn half_of_a_size_leaves_places_and_limits() {
+    let (_, all) = of("omni4");
+    assert_eq!(named(&all, "payload").halved(&[3.0, 0.1]), [1.5, 0.05]);
+    assert_eq!(named(&all, "wheel_speed_saturation").halved(&[12.0]), [12.0]);
+    let patch = named(&all, "low_friction_patch").halved(&[0.4, -0.2, 0.3, 0.5]);
+    assert_eq!(patch, [0.4, -0.2, 0.3, 0.75]);
+}

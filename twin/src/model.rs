@@ -65,7 +65,7 @@ pub(crate) struct Model {
     pub(crate) contact_varies: bool,
     /// 1 where a motor acts.
     pub(crate) powered: [f64; MAX_WHEELS],
-    /// 1 where the wheel speed is a state, 0 where it follows its command (driven without a motor model).
+    /// 1 where the wheel speed is a state, 0 where it follows its command (driven without a motor model, pushed by a told rotor).
     pub(crate) free: [f64; MAX_WHEELS],
     /// Whether its rotors turn as they are told ([`Model::follow`]).
     pub(crate) follows: bool,
@@ -239,7 +239,8 @@ impl Model {
         free.min(motor.current_limit_a).max(-motor.current_limit_a)
     }
 
-    /// Lets rotors turn as they are told. Friction and strength of the motors stay, for what is told of currents and what is not a wheel's.
+    /// Lets rotors turn as they are told. Friction and strength of the motors stay: currents tell where wheels begin, and what drags besides is
+    /// the wheel's.
     pub(crate) fn follow(&mut self) {
         self.follows = true;
         self.motor = None;

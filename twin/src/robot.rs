@@ -198,14 +198,15 @@ impl Robot {
         })
     }
 
-    /// A robot whose rotors turn as set-points tell, exactly: what moves it when an encoder at the rotor has said how it turned. The play of its
+    /// A robot whose rotors turn as its last set-points tell, behind effects that change these: what moves it when an encoder at the rotor has said how it turned. The play of its
     /// gears ([`LIBRARY`](crate::effect::library::LIBRARY), `gear_backlash`) lies between them and the wheels; [`Start::current_a`](crate::free::Start) tells on which
-    /// side. Its description has no motor.
+    /// side. Its description has no motor any more, which `gear_backlash` asks for elsewhere.
     ///
     /// - Errors: as [`Robot::with_effects`].
     pub fn with_told_rotors(description: RobotDescription, effects: &[Effect]) -> Result<Robot, ParameterError> {
         let mut robot = Robot::with_effects(description, effects)?;
         Arc::make_mut(&mut robot.model).follow();
+        Arc::make_mut(&mut robot.nominal).motor = None;
         robot.description.motor = None;
         Ok(robot)
     }

@@ -301,7 +301,7 @@ fn aligned(chain: &Chain, states: &[ReplayRow], out: &mut Vec<f64>) {
 }
 
 impl Hypothesis {
-    /// What drives the rolling chain: no motors, wheels and servo as measured, and the effects behind the encoders.
+    /// What drives the rolling chain: no motors (but for play, behind rotors as measured), wheels and servo as measured, and the effects behind the encoders.
     fn rolling(&self, steering_is_measured: bool) -> Hypothesis {
         let mut description = self.description.clone();
         if self

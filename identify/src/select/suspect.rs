@@ -160,12 +160,10 @@ impl Question<'_> {
         let mut shown = self.shown(workers, finalist, &starts, threshold)?;
         // Windows that err by much count little: where training runs have twice of what the others have, a fit that begins at theirs may stay there.
         if candidate.entry.name != PLACE && shown.iter().all(Option::is_none) {
-            shown = self.shown(
-                workers,
-                finalist,
-                &[candidate.halved(&finalist.member.values)],
-                threshold,
-            )?;
+            let halved = candidate.halved(&finalist.member.values);
+            if halved != finalist.member.values {
+                shown = self.shown(workers, finalist, &[halved], threshold)?;
+            }
         }
         let larger = shown.split_off(as_found.min(shown.len()));
         let mut best = shown.into_iter().flatten().max_by(|a, b| a.gain().total_cmp(&b.gain()));

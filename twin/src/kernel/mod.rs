@@ -111,13 +111,14 @@ pub(crate) fn advance(model: &Model, state: &mut BodyState, period_s: f64) -> u3
     }
 }
 
-/// Forces of the floor on the rims at the end of the last step, along the wheels, as they push the body, N; 0 before there was one.
+/// Forces of the floor on the rims at the end of the last step, along the wheels, as they push the body, N; 0 before there was one and while
+/// contacts stick.
 pub(crate) fn rim_forces_n(model: &Model, state: &BodyState) -> [f64; LANES] {
     let carry = &state.carry;
-    if !carry.has_ended {
+    if !carry.has_ended || state.sticks {
         return [0.0; LANES];
     }
-    let load_n = model.fixed.all_down.at([state.accel_x, state.accel_y]);
+    let load_n = four(&model.load.loads_n(state.accel_x, state.accel_y));
     (carry.friction * (carry.shape.along * load_n)).to_array()
 }
 

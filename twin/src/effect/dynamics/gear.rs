@@ -8,8 +8,8 @@
 //! rotor's. They meet without rebound, with the momentum of both, and part as soon as the rotor alone would lag behind
 //! (Nordin and Gutman, "Controlling mechanical systems with backlash", Automatica 38, 2002).
 //!
-//! Rotors that are told how they turn ([`Model::follows`]: an encoder at the rotor said it) do not answer to their wheels: a wheel goes as
-//! its rotor does while it is pushed, and parts as soon as the floor and what drags on it would carry it on.
+//! Rotors that are told how they turn ([`Model::follow`]: an encoder at the rotor said it) do not answer to their wheels: a wheel goes as
+//! its rotor does while it is pushed, and parts when the floor, less what drags on the wheel, would move it away from its rotor.
 
 use crate::command::WheelCommand;
 use crate::kernel;
@@ -160,8 +160,9 @@ fn followed(
             }
         } else {
             // What its rotor had to give, the wheel's own inertia aside: it is small beside the body's, and measured speeds jump.
-            let drag_n_m = (live.viscous_n_m_s[lane] - base.viscous_n_m_s[lane]) * wheel
-                + (live.coulomb_n_m[lane] - base.coulomb_n_m[lane]) * libm::tanh(wheel / COULOMB_SCALE_RAD_PER_S);
+            let drag_n_m = (live.viscous_n_m_s[lane] - base.viscous_n_m_s[lane]).max(0.0) * wheel
+                + (live.coulomb_n_m[lane] - base.coulomb_n_m[lane]).max(0.0)
+                    * libm::tanh(wheel / COULOMB_SCALE_RAD_PER_S);
             if place * (live.radius_m[lane] * rim_n[lane] + drag_n_m) < 0.0 {
                 memory.place_rad[lane] = place * PARTED;
                 has_changed = true;
