@@ -111,11 +111,11 @@ pub(crate) fn advance(model: &Model, state: &mut BodyState, period_s: f64) -> u3
     }
 }
 
-/// Forces of the floor on the rims at the end of the last step, along the wheels, as they push the body, N; 0 before there was one and while
-/// contacts stick.
+/// Forces of the slipping floor on the rims at the end of the last step, along the wheels, as they push the body, N; 0 before there was one. What
+/// sticking contacts hold is not among them.
 pub(crate) fn rim_forces_n(model: &Model, state: &BodyState) -> [f64; LANES] {
     let carry = &state.carry;
-    if !carry.has_ended || state.sticks {
+    if !carry.has_ended {
         return [0.0; LANES];
     }
     let load_n = four(&model.load.loads_n(state.accel_x, state.accel_y));
