@@ -304,11 +304,8 @@ impl Hypothesis {
     /// What drives the rolling chain: no motors (but for play, behind rotors as measured), wheels and servo as measured, and the effects behind the encoders.
     fn rolling(&self, steering_is_measured: bool) -> Hypothesis {
         let mut description = self.description.clone();
-        if self
-            .effects
-            .iter()
-            .all(|effect| effect.name != PLAY || effect.is_neutral())
-        {
+        let has_play = |effect: &Effect| effect.name == PLAY && effect.value("play") >= self.least_play_rad();
+        if !self.effects.iter().any(has_play) {
             description.motor = None;
         }
         let has_motor = description.motor.is_some();
@@ -332,6 +329,12 @@ impl Hypothesis {
             effects: self.effects.iter().filter(kept).cloned().collect(),
             residual: None,
         }
+    }
+
+    /// Every robot has some play: smaller ones move wheels by next to nothing, and cost more than they tell.
+    fn least_play_rad(&self) -> f64 {
+        let play = find(PLAY).and_then(|entry| entry.parameter("play"));
+        play.map_or(f64::INFINITY, |play| play.size.values(&self.description).0)
     }
 
     /// True when an effect depends on what happened before a window.
