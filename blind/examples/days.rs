@@ -6,33 +6,12 @@
 
 use blind::bench::ROUNDS;
 use blind::kind::Kind;
+use blind::model_errors::{LOCKED, errors};
 use blind::score::{ABOVE_FLOOR, WORSE};
 use blind::set::{Set, Wish};
-use identify::diagnose::{Run, calibrated_floor};
-use identify::errors::{Errors, add_poses, add_windows, rms};
-use identify::floor::Floor;
-use identify::gap::{CLOSE_ANCHOR_PERIOD_S, RobotClock, end_to_end_with};
-use identify::hypothesis::Hypothesis;
-use identify::record::Record;
+use identify::diagnose::calibrated_floor;
+use identify::errors::{Errors, rms};
 use identify::workers::Serial;
-
-const LOCKED: usize = 2;
-
-fn errors(floor: &Floor, runs: &[Run], model: &Hypothesis) -> Errors {
-    let mut errors: Errors = Vec::new();
-    for run in runs {
-        let record = Record::of(&run.path, &run.bundle);
-        let clock = RobotClock::of(&model.effects);
-        let gap = model
-            .robot()
-            .and_then(|robot| end_to_end_with(&run.bundle, &robot, clock, CLOSE_ANCHOR_PERIOD_S).ok());
-        if let Some(gap) = gap {
-            add_poses(&mut errors, &record, &gap.samples);
-        }
-        add_windows(&mut errors, Some(&floor.noise), &record, model);
-    }
-    errors
-}
 
 /// Mean ratio of the rows that were above the floor, as the bench scores rounds; `None` where none was.
 fn ratio([before, after]: [&Errors; 2], references: &Errors) -> Option<f64> {

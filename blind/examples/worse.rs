@@ -5,34 +5,16 @@
 //! taken two by two, as many as a diagnosis locks away of six.
 
 use blind::kind::Kind;
+use blind::model_errors::{LOCKED, errors};
 use blind::set::{Set, Wish};
-use identify::diagnose::{Run, calibrated_floor};
-use identify::errors::{Errors, add_poses, add_windows, rms};
-use identify::floor::Floor;
-use identify::gap::{CLOSE_ANCHOR_PERIOD_S, HORIZONS_S, RobotClock, end_to_end_with};
-use identify::hypothesis::Hypothesis;
-use identify::record::{CHANNELS, Record};
+use identify::diagnose::calibrated_floor;
+use identify::errors::rms;
+use identify::gap::HORIZONS_S;
+use identify::record::CHANNELS;
 use identify::workers::Serial;
 
 /// What counts as worse.
 const WORSE: f64 = 1.05;
-const LOCKED: usize = 2;
-
-fn errors(floor: &Floor, runs: &[Run], model: &Hypothesis) -> Errors {
-    let mut errors: Errors = Vec::new();
-    for run in runs {
-        let record = Record::of(&run.path, &run.bundle);
-        let clock = RobotClock::of(&model.effects);
-        let gap = model
-            .robot()
-            .and_then(|robot| end_to_end_with(&run.bundle, &robot, clock, CLOSE_ANCHOR_PERIOD_S).ok());
-        if let Some(gap) = gap {
-            add_poses(&mut errors, &record, &gap.samples);
-        }
-        add_windows(&mut errors, Some(&floor.noise), &record, model);
-    }
-    errors
-}
 
 fn main() -> anyhow::Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();

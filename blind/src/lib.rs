@@ -13,6 +13,7 @@ pub mod forces;
 pub mod interval;
 pub mod kind;
 pub mod manoeuvre;
+pub mod model_errors;
 pub mod namer;
 pub mod oracle;
 pub mod reach;

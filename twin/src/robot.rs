@@ -198,9 +198,9 @@ impl Robot {
         })
     }
 
-    /// A robot whose rotors turn as its last set-points tell, behind effects that change these: what moves it when an encoder at the rotor has said how it turned. The play of its
-    /// gears ([`LIBRARY`](crate::effect::library::LIBRARY), `gear_backlash`) lies between them and the wheels; [`Start::current_a`](crate::free::Start) tells on which
-    /// side. Its description has no motor any more, which `gear_backlash` asks for elsewhere.
+    /// A robot whose rotors turn as its set-points tell, behind effects that change these: what moves it when encoders at the rotors have said how
+    /// they turned. The play of its gears (`gear_backlash`) lies between them and the wheels; [`Start::current_a`](crate::free::Start) tells on
+    /// which side. Its description has no motor any more, which `gear_backlash` asks for elsewhere.
     ///
     /// - Errors: as [`Robot::with_effects`].
     pub fn with_told_rotors(description: RobotDescription, effects: &[Effect]) -> Result<Robot, ParameterError> {
