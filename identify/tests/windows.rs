@@ -87,6 +87,19 @@ fn a_play_of_the_gears_is_met_in_how_the_robot_turns() {
     }
 }
 
+/// Every robot has some: half a degree is the practical size.
+#[test]
+fn small_plays_of_the_gears_stay_out_of_how_the_robot_turns() {
+    let play = |rad: f64| Effect::new("gear_backlash", &[("play", rad)]);
+    let is_gyro = |quantity| quantity == Quantity::Gyro;
+    let models: [&[Effect]; 3] = [&[], &[play(0.0086)], &[play(0.0088)]];
+    let [none, small, practical] = left("diff2", &play(0.03), (is_gyro, WINDOW_S), models);
+    assert!(
+        small == none && practical < 0.95 * none,
+        "rad/s: {none} {small} {practical}"
+    );
+}
+
 /// A speed loop in the middle of an acceleration holds its voltage with an error and less of an integral.
 #[test]
 fn windows_that_begin_in_an_acceleration_are_met() {
