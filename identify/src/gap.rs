@@ -4,7 +4,8 @@
 //! gap is the distance between its pose and the measured one 0.5, 1, 2 and 5 s later. The twin starts 0.3 s before the
 //! anchor in the measured state, so that its speed loops have settled, and is anchored by the rigid motion that best
 //! takes its poses to the measured ones within 0.1 s of the anchor. Where the run has no set-points of the driven wheels, their
-//! measured speeds are taken instead: the gap is then that of the contact and the steering alone. It shows everything and names nothing.
+//! measured speeds are taken instead: the gap is then that of the contact and the steering alone. Nothing is predicted over a pause of the
+//! rows or a place at which the tracker took up the robot elsewhere. The gap shows everything and names nothing.
 
 use serde::Serialize;
 use twin::effect::Effect;
@@ -16,6 +17,7 @@ use crate::anchor::{Track, start_at};
 use crate::bundle::Bundle;
 use crate::record::{BEYOND_THE_LINE_M, MEMORY_S, RollingInput};
 use crate::steering_history::SteeringHistory;
+use crate::stretch::Stretch;
 
 /// Horizons, s.
 pub const HORIZONS_S: [f64; 4] = [0.5, 1.0, 2.0, 5.0];
@@ -137,28 +139,30 @@ pub fn end_to_end_with(
         before.apply(robot, first);
     }
     let (mut forgotten, mut applied) = (0, 0);
+    let (stretches, times) = (Stretch::of(bundle, &track), &bundle.telemetry.time_s);
     while begin_s + RUN_IN_S + HORIZONS_S[0] <= *last_s {
-        let row = bundle.telemetry.time_s.partition_point(|t| *t < begin_s);
-        let start = if row < rows.len() {
-            let (times, at_s) = (&bundle.telemetry.time_s, bundle.telemetry.time_s[row]);
+        let row = times.partition_point(|t| *t < begin_s);
+        let stretch = times
+            .get(row)
+            .and_then(|at_s| stretch_at(&stretches, *at_s, track.half_window_s));
+        let start = stretch.and_then(|_| {
+            let at_s = times[row];
             let board_s = at_s + clock.offset_s + clock.drift * (at_s - times[0]);
             let board_row = times.partition_point(|t| *t <= board_s).saturating_sub(1);
             let board_row = if clock == RobotClock::default() { row } else { board_row };
             start_at(bundle, &track, (row, board_row), &mut steered)
-        } else {
-            None
-        };
-        let done = match start {
+        });
+        let done = match start.zip(stretch) {
             None => false,
-            Some(mut start) => {
-                let start_s = bundle.telemetry.time_s[row];
+            Some((mut start, stretch)) => {
+                let start_s = times[row];
                 applied += rows[applied..].partition_point(|row| row.time_s <= start_s);
                 while forgotten < applied && rows[forgotten].time_s <= start_s - MEMORY_S {
                     before.apply(robot, &rows[forgotten]);
                     forgotten += 1;
                 }
                 let earlier = &rows[forgotten..applied];
-                let anchor = Anchor::at(&track, start_s + RUN_IN_S);
+                let anchor = Anchor::at(&track, start_s + RUN_IN_S, stretch.to_s);
                 let plan = anchor.plan(&rows[applied..], start_s, &track);
                 // Which camera saw the robot nobody tells: the one with which the prediction is nearer.
                 let mut best: Option<(f64, Vec<GapSample>)> = None;
@@ -191,6 +195,15 @@ pub fn end_to_end_with(
     }
     gap.summarise();
     Ok(gap)
+}
+
+/// The stretch in which a start at a time has all the poses that it is fitted to.
+fn stretch_at(stretches: &[Stretch], start_s: f64, half_window_s: f64) -> Option<&Stretch> {
+    let k = stretches
+        .iter()
+        .position(|stretch| stretch.from_s <= start_s && start_s <= stretch.to_s)?;
+    // Nothing was before the first one that poses could be taken from.
+    (k == 0 || start_s - half_window_s >= stretches[k].from_s).then(|| &stretches[k])
 }
 
 /// What drives the twin: command rows at the time they take effect; measured wheel speeds at the rate of the control where there are no set-points.
@@ -242,9 +255,14 @@ struct Anchor {
 }
 
 impl Anchor {
-    fn at(track: &Track, time_s: f64) -> Anchor {
+    /// - `until_s`: end of the stretch that the moment is in.
+    fn at(track: &Track, time_s: f64, until_s: f64) -> Anchor {
+        let last = track.time_s.partition_point(|t| *t <= until_s);
         let from = track.time_s.partition_point(|t| *t < time_s - track.half_window_s);
-        let to = track.time_s.partition_point(|t| *t <= time_s + track.half_window_s);
+        let to = track
+            .time_s
+            .partition_point(|t| *t <= time_s + track.half_window_s)
+            .min(last);
         let mut goals = Vec::new();
         for horizon_s in HORIZONS_S {
             let wanted_s = time_s + horizon_s;
@@ -252,7 +270,7 @@ impl Anchor {
             let sides = [after.checked_sub(1), Some(after)]
                 .into_iter()
                 .flatten()
-                .filter(|index| *index < track.time_s.len());
+                .filter(|index| *index < last);
             let distance_s = |index: &usize| (track.time_s[*index] - wanted_s).abs();
             let nearest = sides.min_by(|a, b| distance_s(a).total_cmp(&distance_s(b)));
             goals.extend(

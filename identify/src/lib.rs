@@ -25,5 +25,6 @@ pub mod report;
 pub mod screen;
 pub mod select;
 pub mod steering_history;
+pub mod stretch;
 pub mod telemetry;
 pub mod workers;

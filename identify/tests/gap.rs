@@ -51,6 +51,40 @@ fn flips_of_the_tracker_do_not_count() {
     );
 }
 
+/// A tracker that takes up the robot elsewhere and stays there says nothing of how far predictions are off.
+#[test]
+fn nothing_is_predicted_over_a_place_where_the_tracker_broke() {
+    let robot = reference_robot("diff2");
+    let whole = recorded(&robot, &robot);
+    let mut bundle = whole.clone();
+    let Some(x) = bundle.telemetry.channels.get_mut(&Channel::PoseX) else {
+        panic!("no x")
+    };
+    let half = x.values.len() / 2;
+    x.values.iter_mut().skip(half).for_each(|value| *value += 6.0);
+    let broken_s = bundle.telemetry.time_s[x.rows[half] as usize];
+    let (Ok(whole), Ok(gap)) = (end_to_end(&whole), end_to_end(&bundle)) else {
+        panic!("no gap")
+    };
+    assert!(
+        gap.horizons.iter().all(|h| h.position_m < 2e-3 && h.yaw_rad < 2e-3),
+        "{:?}",
+        gap.horizons
+    );
+    // All that neither begin before and end after the break, nor begin while poses of both sides would be fitted.
+    let is_left = |anchor_s: f64, horizon_s: f64| anchor_s + horizon_s < broken_s || anchor_s > broken_s + 0.5;
+    let expected = whole
+        .samples
+        .iter()
+        .filter(|s| is_left(s.anchor_s, s.horizon_s))
+        .count();
+    assert_eq!(gap.samples.len(), expected);
+    assert!(
+        expected < whole.samples.len() && expected > whole.samples.len() / 2,
+        "{expected}"
+    );
+}
+
 #[test]
 fn a_wrong_wheel_radius_shows_and_grows_with_the_horizon() {
     let truth = reference_robot("diff2");

@@ -9,9 +9,10 @@ use super::{
     WINDOW_S, WheelLine, Window,
 };
 use crate::anchor::{Track, start_at};
-use crate::bundle::{Bundle, LONG_PAUSE_S};
+use crate::bundle::Bundle;
 use crate::channel::Channel;
 use crate::steering_history::{SteeringHistory, Walk};
+use crate::stretch::Stretch;
 
 /// Shortest compared part of the last window, s.
 const SHORTEST_WINDOW_S: f64 = 0.8;
@@ -65,8 +66,6 @@ pub(super) fn record(name: &str, bundle: &Bundle) -> Record {
         outliers: source.track.outliers,
         skipped: 0,
     };
-    let times = &bundle.telemetry.time_s;
-    let first_s = source.track.time_s.first().or(times.first()).copied().unwrap_or(0.0);
     let mut held = HeldCommand::default();
     let mut applied = 0;
     // What was in force before the run is not known: what it begins with.
@@ -82,10 +81,9 @@ pub(super) fn record(name: &str, bundle: &Bundle) -> Record {
     } else {
         source.track.half_window_s
     };
-    let spans = spans(times, first_s, &source.track.breaks());
-    for (from_s, end_s) in &spans {
-        let mut start_s = from_s + margin_s;
-        while start_s + RUN_IN_S + SHORTEST_WINDOW_S <= *end_s {
+    for stretch in Stretch::of(bundle, &source.track) {
+        let mut start_s = stretch.from_s + margin_s;
+        while start_s + RUN_IN_S + SHORTEST_WINDOW_S <= stretch.to_s {
             while applied < source.commands.len() && source.commands[applied].time_s <= start_s {
                 held.apply(&bundle.robot, &source.commands[applied]);
                 applied += 1;
@@ -94,7 +92,7 @@ pub(super) fn record(name: &str, bundle: &Bundle) -> Record {
                 before.apply(&bundle.robot, &source.commands[forgotten]);
                 forgotten += 1;
             }
-            let to_s = (start_s + RUN_IN_S + WINDOW_S).min(*end_s);
+            let to_s = (start_s + RUN_IN_S + WINDOW_S).min(stretch.to_s);
             let sent = Sent {
                 before,
                 earlier: &source.commands[forgotten..applied],
@@ -109,28 +107,6 @@ pub(super) fn record(name: &str, bundle: &Bundle) -> Record {
         }
     }
     record
-}
-
-/// Spans of time without a pause of the rows, from `first_s` on, that end before each of the `breaks`.
-fn spans(times: &[f64], first_s: f64, breaks: &[f64]) -> Vec<(f64, f64)> {
-    let mut periods: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    periods.sort_by(f64::total_cmp);
-    let period_s = periods.get(periods.len() / 2).copied().unwrap_or(0.0);
-    let pause_s = LONG_PAUSE_S.max(5.0 * period_s);
-    let mut spans: Vec<(f64, f64)> = Vec::new();
-    let mut next = 0;
-    for time_s in times.iter().copied().filter(|t| *t >= first_s) {
-        let mut broken = false;
-        while next < breaks.len() && breaks[next] <= time_s {
-            broken = true;
-            next += 1;
-        }
-        match spans.last_mut() {
-            Some(last) if time_s - last.1 <= pause_s && !broken => last.1 = time_s,
-            _ => spans.push((time_s, time_s)),
-        }
-    }
-    spans
 }
 
 /// On-board channels that are compared.
