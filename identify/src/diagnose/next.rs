@@ -6,7 +6,12 @@ use twin::robot::RobotDescription;
 
 use super::Case;
 use super::nearest::suspect;
+use crate::hypothesis::{LOST, applies};
+use crate::record::{CHANNELS, Stages};
 use crate::report::schema::{NamedEffect, NextExperiment, Untestable, Verdict};
+
+/// So many effects a sentence names.
+const LISTED: usize = 3;
 
 /// Manoeuvres by what shows an effect: name, duration, s, and what is done.
 const CATALOGUE: [(&str, f64, &str); 9] = [
@@ -125,14 +130,55 @@ pub(super) fn next_experiment(
             experiment: experiment(2, robot),
         });
     }
-    let open = untestable.iter().find(|open| {
-        let known = find(&open.name).is_some_and(|entry| crate::hypothesis::applies(entry, robot));
-        known && open.name != "command_hold"
-    })?;
-    Some(pick(
-        &open.name,
-        format!("makes {} testable", open.name.replace('_', " ")),
-    ))
+    let open: Vec<&str> = untestable
+        .iter()
+        .map(|open| open.name.as_str())
+        .filter(|name| find(name).is_some_and(|entry| applies(entry, robot)))
+        .collect();
+    // What may be behind an open gap comes before what is merely not known.
+    let suspects: Vec<&str> = match case.located.channels.first() {
+        Some((class, _)) if verdict == Verdict::Unexplained => open
+            .iter()
+            .copied()
+            .filter(|name| acts_on(case, name, *class))
+            .collect(),
+        _ => Vec::new(),
+    };
+    let (number, shown) = most_shown(&suspects).or_else(|| most_shown(&open))?;
+    Some(NextExperiment {
+        why: format!("makes {} testable", listed(&shown)),
+        experiment: experiment(number, robot),
+    })
+}
+
+/// An effect may change a channel.
+fn acts_on(case: &Case, name: &str, class: usize) -> bool {
+    let is_rolling = matches!(CHANNELS[class], "gyro" | "pose" | "yaw");
+    let mut own = case.candidates.iter().filter(|candidate| candidate.entry.name == name);
+    let acts = |stages: Stages| if is_rolling { stages.rolling } else { stages.drive };
+    own.any(|candidate| acts(candidate.stages)) || (name == LOST && !is_rolling)
+}
+
+/// The manoeuvre that shows most of some effects, the shortest of several, and which ones.
+fn most_shown<'a>(open: &[&'a str]) -> Option<(usize, Vec<&'a str>)> {
+    let shown = |number: usize| -> Vec<&'a str> { open.iter().copied().filter(|name| of(name) == number).collect() };
+    let all = (0..CATALOGUE.len()).map(|number| (number, shown(number)));
+    all.filter(|(_, shown)| !shown.is_empty()).min_by(|a, b| {
+        let by_count = b.1.len().cmp(&a.1.len());
+        by_count.then(CATALOGUE[a.0].1.total_cmp(&CATALOGUE[b.0].1))
+    })
+}
+
+/// Effects in words; of many the first ones.
+fn listed(names: &[&str]) -> String {
+    let mut words: Vec<String> = names.iter().take(LISTED).map(|name| name.replace('_', " ")).collect();
+    if names.len() > LISTED {
+        words.push(format!("{} more", names.len() - LISTED));
+    }
+    match words.split_last() {
+        Some((last, others)) if !others.is_empty() => format!("{} and {last}", others.join(", ")),
+        _ => words.concat(),
+    }
 }
 
 fn weaker<'a>(case: &Case, a: &'a str, b: &'a str) -> &'a str {
@@ -145,4 +191,35 @@ fn weaker<'a>(case: &Case, a: &'a str, b: &'a str) -> &'a str {
             .fold(0.0, f64::max)
     };
     if sensitivity(a) < sensitivity(b) { a } else { b }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_manoeuvre_that_shows_most_is_next_and_the_shorter_of_two() {
+        let open = [
+            "thermal_drift",
+            "gyro_scale",
+            "pose_scale",
+            "rolling_shutter",
+            "asymmetric_friction",
+            "lens_distortion",
+        ];
+        let (number, shown) = most_shown(&open).expect("something is open");
+        assert_eq!(CATALOGUE[number].0, "field_grid");
+        assert_eq!(shown, ["pose_scale", "rolling_shutter", "lens_distortion"]);
+        let (number, _) = most_shown(&open[..3]).expect("something is open");
+        assert_eq!(CATALOGUE[number].0, "speed_steps", "20 s, not 60");
+        assert_eq!(most_shown(&[]), None);
+    }
+
+    #[test]
+    fn a_sentence_names_three_effects() {
+        assert_eq!(listed(&["gyro_scale"]), "gyro scale");
+        assert_eq!(listed(&["gyro_scale", "pose_scale"]), "gyro scale and pose scale");
+        let many = ["gyro_scale", "pose_scale", "payload", "floor_tilt", "cable_drag"];
+        assert_eq!(listed(&many), "gyro scale, pose scale, payload and 2 more");
+    }
 }

@@ -3,7 +3,7 @@
 
 mod plot;
 
-use super::schema::{Report, Verdict};
+use super::schema::{Report, Untestable, Verdict};
 use plot::{bars, floor_map, gap_chart};
 
 const STYLE: &str = "
@@ -217,15 +217,26 @@ fn next(report: &Report) -> String {
 fn lists(report: &Report) -> String {
     let mut html =
         "<h2>What these runs cannot tell</h2><table><tr><th>effect</th><th>why</th><th>shown by</th></tr>".to_owned();
+    let manoeuvre = |open: &Untestable| open.run_this["manoeuvre"].as_str().map(words);
     for open in &report.untestable {
+        let Some(manoeuvre) = manoeuvre(open) else { continue };
         html.push_str(&format!(
-            "<tr><td>{}</td><td>{}</td><td class=\"soft\">{}</td></tr>",
+            "<tr><td>{}</td><td>{}</td><td class=\"soft\">{manoeuvre}</td></tr>",
             words(&open.name),
             escaped(&open.because),
-            words(open.run_this["manoeuvre"].as_str().unwrap_or(""))
         ));
     }
-    html.push_str("</table><details><summary>tested and rejected</summary><table>");
+    html.push_str("</table>");
+    let others = report.untestable.iter().filter(|open| manoeuvre(open).is_none());
+    let others: Vec<String> = others.map(|open| words(&open.name)).collect();
+    if !others.is_empty() {
+        let line = format!(
+            "<p class=\"soft\">The robot has no part that these act on: {}.</p>",
+            others.join(", ")
+        );
+        html.push_str(&line);
+    }
+    html.push_str("<details><summary>tested and rejected</summary><table>");
     for other in &report.rejected {
         html.push_str(&format!(
             "<tr><td>{}</td><td>{}</td></tr>",
