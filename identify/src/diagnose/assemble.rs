@@ -23,7 +23,7 @@ use crate::report::schema::{
     Absorbed, Data, Evidence, FORMAT, ModelReference, NamedEffect, ParameterValue, Rejected, Report, Untestable,
     Verdict, Where, rounded,
 };
-use crate::report::{effect_sentence, verdict_sentence};
+use crate::report::{effect_sentence, told_by_no_run, verdict_sentence};
 use crate::screen::Score;
 use crate::select::{Finalist, Role};
 use crate::workers::Workers;
@@ -33,7 +33,7 @@ const TESTABLE: f64 = 5.0;
 /// Calibration is listed from this many standard deviations.
 const LISTED: f64 = 3.0;
 
-pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagnosis, DiagnoseError> {
+pub(super) fn assemble(workers: &dyn Workers, case: &mut Case) -> Result<Diagnosis, DiagnoseError> {
     let members: Vec<_> = case.fit.as_ref().map_or_else(Vec::new, |fit| fit.members.clone());
     let mut after = with_members(&case.floor.model, &members);
     let is_beside_a_large_rest = is_hardly_explained(&case.energies);
@@ -131,13 +131,15 @@ pub(super) fn assemble(_workers: &dyn Workers, case: &mut Case) -> Result<Diagno
     let suspect = suspect(case).map(|finalist| finalist.member.candidate.entry.name);
     let sentence = unused_alone
         .unwrap_or_else(|| verdict_sentence(verdict, &effects, explained, &place.sentence, suspect, has_references));
+    let proposed = super::next::next_experiment(workers, case, verdict, &effects, &untestable)?;
+    let sentence = told_by_no_run(sentence, proposed.is_told_by_none);
     let report = Report {
         format: FORMAT.to_owned(),
         robot: case.floor.given.description.name.clone(),
         data: data(case),
         verdict,
         sentence,
-        next_experiment: super::next::next_experiment(case, verdict, &effects, &untestable),
+        next_experiment: proposed.next,
         effects,
         absorbed,
         rejected,

@@ -16,6 +16,7 @@ mod gap_table;
 mod interval;
 mod louder;
 mod loudness;
+mod manoeuvre;
 mod nearest;
 mod next;
 mod opening;

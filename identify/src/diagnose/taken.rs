@@ -105,6 +105,12 @@ impl Taken {
         floor.may_have_had(self.finalist.size).filter(|_| !is_lost)
     }
 
+    /// It is the effect of such a name, and wheel.
+    pub fn is(&self, name: &str, index: Option<usize>) -> bool {
+        let own = &self.finalist.member.candidate;
+        own.entry.name == name && own.index == index
+    }
+
     /// Names that the data cannot tell from it.
     pub fn other_names(&self) -> Vec<String> {
         let own = self.finalist.member.candidate.entry.name;

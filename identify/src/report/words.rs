@@ -2,6 +2,21 @@
 
 use super::schema::{NamedEffect, Verdict};
 
+/// What sentences say of names that runs cannot tell apart, and what is so where driving is not expected to.
+const ANOTHER_RUN: &str = "another run can tell";
+const NO_RUN: &str = "no manoeuvre of the catalogue is expected to tell";
+
+/// A verdict's sentence; that another run can tell is said only where one is expected to.
+///
+/// - `is_so`: no manoeuvre is expected to set the names apart.
+pub fn told_by_no_run(sentence: String, is_so: bool) -> String {
+    if is_so {
+        sentence.replace(ANOTHER_RUN, NO_RUN)
+    } else {
+        sentence
+    }
+}
+
 /// Effect name as a person says it.
 fn plain(name: &str) -> String {
     name.replace('_', " ")
@@ -112,14 +127,14 @@ fn told_apart(verdict: Verdict, effects: &[NamedEffect]) -> String {
     let is_partial = verdict == Verdict::Partial;
     if sure.is_empty() || open.is_empty() {
         let end = match (is_partial, effects.len() > 1) {
-            (true, _) => ", but not proven or not all.",
-            (false, true) => "; these runs cannot tell for sure, another run can.",
-            (false, false) => "; another run can tell.",
+            (true, _) => ", but not proven or not all.".to_owned(),
+            (false, true) => format!("; these runs cannot tell for sure, {ANOTHER_RUN}."),
+            (false, false) => format!("; {ANOTHER_RUN}."),
         };
         return format!("Missing in the twin: {}{end}", [sure, open].concat().join(", "));
     }
     format!(
-        "Missing in the twin: {}. Not proven beside {}: {}; another run can tell.{}",
+        "Missing in the twin: {}. Not proven beside {}: {}; {ANOTHER_RUN}.{}",
         sure.join(", "),
         if sure.len() == 1 { "it" } else { "them" },
         open.join(", "),
@@ -192,7 +207,7 @@ mod tests {
             (
                 Verdict::Ambiguous,
                 vec![limit(), motor("confirmed", 0)],
-                "acceleration limit, weak motor; these runs cannot tell for sure, another run can.",
+                "acceleration limit, weak motor; these runs cannot tell for sure, another run can tell.",
             ),
         ] {
             assert_eq!(said(verdict, &effects), format!("Missing in the twin: {words}"));
@@ -213,5 +228,15 @@ mod tests {
         }
         assert_eq!(does(Some(0.42), true).as_deref(), Some("explain 42 % of"));
         assert_eq!(does(None, true), None);
+    }
+
+    #[test]
+    fn no_run_is_promised_that_would_not_tell() {
+        let said = "Missing in the twin: encoder scale or its like; another run can tell. It explains 85 % of the gap.";
+        assert_eq!(told_by_no_run(said.to_owned(), false), said);
+        assert_eq!(
+            told_by_no_run(said.to_owned(), true),
+            "Missing in the twin: encoder scale or its like; no manoeuvre of the catalogue is expected to tell. It explains 85 % of the gap."
+        );
     }
 }
