@@ -195,6 +195,7 @@ impl Choice<'_> {
                 may_be_rest_of: None,
                 is_beside_a_large_rest: false,
                 reserved: Vec::new(),
+                rivals: Vec::new(),
                 trend: None,
                 suspected: None,
                 is_shown_together: false,

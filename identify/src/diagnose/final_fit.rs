@@ -12,8 +12,8 @@ use crate::hypothesis::LOST;
 use crate::locate::states;
 use crate::record::{Record, Stages};
 use crate::screen::all_residuals;
-use crate::select::{Role, difference, window_energies};
-use crate::workers::Workers;
+use crate::select::{Finalist, Role, difference, window_energies};
+use crate::workers::{Cancelled, Workers, gathered};
 
 /// The final numbers on training and validation runs together.
 ///
@@ -66,6 +66,14 @@ pub(super) fn finish(
             others.remove(position);
             let model = with_members(&case.floor.model, &others);
             let without: Option<Vec<Vec<f64>>> = all_residuals(workers, &both.records, &model)?.into_iter().collect();
+            if let Some(without) = &without {
+                let beside = Problem {
+                    base: &model,
+                    residuals: without,
+                    ..problem
+                };
+                taken.rivals = in_place(workers, &beside, &others, &taken.alternatives)?;
+            }
             taken.evenness = without.and_then(|without| {
                 let without = both.bounds.keep(&both.metric, &both.records, &both.residuals, without);
                 let changes = difference(&without.residuals, &fit.residuals);
@@ -103,6 +111,26 @@ pub(super) fn finish(
         }
     }
     Ok(())
+}
+
+/// Alternatives of a name fitted in its place.
+///
+/// - `beside`: all open runs, with what else is named in the model.
+/// - `others`: that; what is among it already is no alternative.
+fn in_place(
+    workers: &dyn Workers,
+    beside: &Problem,
+    others: &[Member],
+    alternatives: &[Finalist],
+) -> Result<Vec<Member>, Cancelled> {
+    let is_there = |member: &Member| others.iter().any(|other| other.candidate.is_same(&member.candidate));
+    let open: Vec<&Member> = alternatives
+        .iter()
+        .map(|other| &other.member)
+        .filter(|member| !is_there(member))
+        .collect();
+    let fits = gathered(workers, open.len(), &|k| fit(beside, vec![open[k].clone()]))?;
+    Ok(fits.into_iter().flatten().flat_map(|fit| fit.members).collect())
 }
 
 /// Gain on all runs but for the window that gains most.

@@ -1,20 +1,10 @@
-//! Manoeuvres of the catalogue, and what two models would measure in them.
+//! Manoeuvres of the catalogue, and how they are driven.
 
-use twin::pose::Pose;
-use twin::replay::{CommandRow, HeldCommand, ReplayRow, replay};
+use twin::replay::CommandRow;
 use twin::robot::{Robot, RobotDescription};
 use twin::twist::BodyTwist;
 
-use super::prepared::{Prepared, prepare};
-use crate::bundle::Bundle;
-use crate::channel::Channel;
-use crate::floor::Floor;
-use crate::hypothesis::Hypothesis;
 use crate::random::Random;
-use crate::record::{Record, Stages};
-use crate::screen::all_residuals;
-use crate::telemetry::{Series, Telemetry};
-use crate::workers::{Cancelled, Workers, gathered};
 
 /// What a robot is to do.
 #[derive(Debug, Clone, Copy)]
@@ -87,7 +77,7 @@ const FIELD_GRID: usize = 7;
 pub(super) const TRIAL_S: f64 = 12.0;
 const REST_S: f64 = 1.0;
 /// Rate of the set-points and of what is measured, Hz.
-const RATE_HZ: f64 = 120.0;
+pub(super) const RATE_HZ: f64 = 120.0;
 /// Cars drive at least so fast while they turn, m/s, and turn on no smaller circle, m.
 const TURNING_M_PER_S: f64 = 0.3;
 const SMALLEST_RADIUS_M: f64 = 0.7;
@@ -202,90 +192,8 @@ fn twist_at(cycle: &[Part], time_s: f64, robot: &RobotDescription) -> BodyTwist 
     }
 }
 
-/// All manoeuvres as the twin would drive and measure them.
-pub(super) struct Trials {
-    runs: Prepared,
-}
-
-impl Trials {
-    /// - `like`: a run of the robot; the channels that it has are measured.
-    /// - `records`: runs; a trial begins in the middle of where they did, and no wheel is told to turn faster than theirs.
-    /// - `model`: what drives.
-    /// - `stages`: that the knobs of the floor's model act on.
-    /// - Returns `None` when the model cannot drive.
-    pub fn of(
-        workers: &dyn Workers,
-        floor: &Floor,
-        (like, records): (&Bundle, &[Record]),
-        model: &Hypothesis,
-        stages: &[Stages],
-    ) -> Result<Option<Trials>, Cancelled> {
-        let Some(robot) = model.robot() else {
-            return Ok(None);
-        };
-        let (from, fastest) = (middle(records), fastest(records));
-        let driven = gathered(workers, CATALOGUE.len(), &|number| {
-            let rows = rows(&robot, number, fastest);
-            let states = replay(&robot, from, &rows).ok()?;
-            let bundle = bundle(like, &robot, &rows, &states);
-            Some(Record::of(CATALOGUE[number].name, &bundle))
-        })?;
-        let Some(driven) = driven.into_iter().collect::<Option<Vec<Record>>>() else {
-            return Ok(None);
-        };
-        let runs = prepare(workers, floor, driven, stages)?;
-        Ok((runs.records.len() == CATALOGUE.len()).then_some(Trials { runs }))
-    }
-
-    /// How far apart two models are in each, in standard deviations: what noise and everyday differences do not make.
-    pub fn sigmas(
-        &self,
-        workers: &dyn Workers,
-        floor: &Floor,
-        (a, b): (&Hypothesis, &Hypothesis),
-    ) -> Result<Vec<Option<f64>>, Cancelled> {
-        let records = &self.runs.records;
-        let (a, b) = (all_residuals(workers, records, a)?, all_residuals(workers, records, b)?);
-        let of = |number: usize| -> Option<f64> {
-            let (a, b) = (a[number].as_ref()?, b[number].as_ref()?);
-            let apart: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
-            let knobs = self.runs.sensitivities.iter();
-            let alone: Vec<Vec<Vec<f64>>> = knobs.map(|knob| vec![knob[number].clone()]).collect();
-            let metric = floor.metric(&records[number..=number], &alone);
-            let square = metric.gram(&[vec![&apart]]).at(0, 0);
-            square.is_finite().then(|| libm::sqrt(square.max(0.0)))
-        };
-        Ok((0..records.len()).map(of).collect())
-    }
-}
-
-/// Largest set-point of the runs, rad/s; no limit where they tell none.
-fn fastest(records: &[Record]) -> f64 {
-    let most = records
-        .iter()
-        .map(|record| record.largest_command_rad_per_s)
-        .fold(0.0, f64::max);
-    if most > 0.0 { most } else { f64::INFINITY }
-}
-
-/// Mean of where windows begin.
-fn middle(records: &[Record]) -> Pose {
-    let starts = || {
-        records
-            .iter()
-            .flat_map(|record| &record.windows)
-            .map(|window| window.start.pose)
-    };
-    let count = starts().count().max(1) as f64;
-    Pose {
-        x_m: starts().map(|pose| pose.x_m).sum::<f64>() / count,
-        y_m: starts().map(|pose| pose.y_m).sum::<f64>() / count,
-        yaw_rad: 0.0,
-    }
-}
-
 /// Twists of the manoeuvre, slower where wheels would be told to turn faster than `fastest_rad_per_s`.
-fn rows(robot: &Robot, number: usize, fastest_rad_per_s: f64) -> Vec<CommandRow> {
+pub(super) fn rows(robot: &Robot, number: usize, fastest_rad_per_s: f64) -> Vec<CommandRow> {
     let cycle = cycle(number);
     let description = robot.description();
     let times = (0..((REST_S + TRIAL_S) * RATE_HZ) as usize).map(|k| k as f64 / RATE_HZ);
@@ -319,70 +227,12 @@ fn rows(robot: &Robot, number: usize, fastest_rad_per_s: f64) -> Vec<CommandRow>
     told.collect()
 }
 
-/// What is measured of it, without noise, in the channels of another run.
-fn bundle(like: &Bundle, robot: &Robot, rows: &[CommandRow], states: &[ReplayRow]) -> Bundle {
-    let mut telemetry = Telemetry {
-        time_s: rows.iter().map(|row| row.time_s).collect(),
-        ..Telemetry::default()
-    };
-    let mut held = HeldCommand::default();
-    let mut channels: Vec<(Channel, Vec<f64>)> = like
-        .telemetry
-        .channels
-        .keys()
-        .map(|channel| (*channel, Vec::new()))
-        .collect();
-    for (row, after) in rows.iter().zip(states) {
-        held.apply(robot, row);
-        let (told, state) = (held.command(), &after.state);
-        for (channel, values) in &mut channels {
-            let value = match *channel {
-                Channel::CommandWheel(k) => told.wheel_rad_per_s[k],
-                Channel::CommandForward => row.forward_m_per_s.unwrap_or_default(),
-                Channel::CommandLeft => row.left_m_per_s.unwrap_or_default(),
-                Channel::CommandYawRate => row.yaw_rate_rad_per_s.unwrap_or_default(),
-                Channel::CommandSteering => told.steering_rad,
-                Channel::Steering => state.steering_rad,
-                Channel::WheelSpeed(k) => state.wheel_rad_per_s[k],
-                Channel::WheelAngle(k) => state.wheel_rad[k],
-                Channel::Current(k) => state.current_a[k],
-                Channel::Voltage(k) => state.voltage_v[k],
-                Channel::Bus => state.bus_v,
-                Channel::Gyro => state.gyro_z_rad_per_s,
-                Channel::AccelX => state.accel_x_m_per_s2,
-                Channel::AccelY => state.accel_y_m_per_s2,
-                Channel::PoseX => state.pose.x_m,
-                Channel::PoseY => state.pose.y_m,
-                Channel::PoseYaw => state.pose.yaw_rad,
-                // Of what is not compared nothing is told.
-                _ => continue,
-            };
-            values.push(value);
-        }
-    }
-    let all: Vec<u32> = (0..telemetry.time_s.len() as u32).collect();
-    for (channel, values) in channels.into_iter().filter(|(_, values)| values.len() == all.len()) {
-        telemetry.channels.insert(
-            channel,
-            Series {
-                rows: all.clone(),
-                values,
-            },
-        );
-    }
-    Bundle {
-        run: like.run.clone(),
-        robot: like.robot.clone(),
-        telemetry,
-        remarks: Vec::new(),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::workers::Serial;
     use twin::golden::reference_robot;
+    use twin::pose::Pose;
+    use twin::replay::{HeldCommand, ReplayRow, replay};
 
     /// Every chassis can move as it is told, for all of the trial, and no wheel is told more than is allowed.
     #[test]
@@ -415,90 +265,6 @@ mod tests {
                 let far = |row: &ReplayRow| row.state.pose.x_m.abs().max(row.state.pose.y_m.abs());
                 assert!(out.iter().all(|row| far(row) < 6.0), "{chassis} {number}");
             }
-        }
-    }
-
-    /// A run of a robot in which every channel has a sample.
-    fn bundle_of(robot: &RobotDescription) -> Bundle {
-        let mut channels: Vec<Channel> = Vec::new();
-        for (k, wheel) in robot.wheels.iter().enumerate() {
-            if wheel.driven {
-                channels.extend([Channel::CommandWheel(k), Channel::Current(k)]);
-            }
-            if wheel.kind != "caster" {
-                channels.extend([Channel::WheelSpeed(k), Channel::WheelAngle(k)]);
-            }
-        }
-        if robot.steering.is_some() {
-            channels.extend([Channel::CommandSteering, Channel::Steering]);
-        }
-        channels.extend([Channel::Bus, Channel::Gyro, Channel::AccelX, Channel::AccelY]);
-        channels.extend([Channel::PoseX, Channel::PoseY, Channel::PoseYaw]);
-        let names: Vec<String> = channels.into_iter().map(|channel| channel.name()).collect();
-        let csv = format!("time_s,{}\n0{}\n", names.join(","), ",0".repeat(names.len()));
-        let robot = serde_json::to_value(robot).expect("a robot");
-        let run = serde_json::json!({
-            "format": crate::bundle::RUN_FORMAT,
-            "robot": robot,
-            "floor": "hall",
-            "label": "",
-            "started": "",
-            "change_free_reference": false,
-        });
-        Bundle::parse(&run.to_string(), csv.as_bytes()).expect("a bundle")
-    }
-
-    /// The manoeuvre that shows an effect best, and standard deviations by which each tells it from none, beside everyday differences.
-    fn shown(chassis: &str, name: &str, value: f64) -> (&'static str, Vec<f64>) {
-        let description = reference_robot(chassis);
-        let nominal = Hypothesis {
-            description: description.clone(),
-            effects: Vec::new(),
-            residual: None,
-        };
-        let all = crate::hypothesis::candidates(&description, &crate::hypothesis::Excitation::default());
-        let knobs = crate::hypothesis::knobs(&all, &description);
-        let stages = vec![Stages::BOTH; knobs.len()];
-        let floor = Floor::stated(nominal.clone(), knobs);
-        let one = all.iter().find(|one| one.entry.name == name).expect("a candidate");
-        let mut changed = nominal.clone();
-        changed.effects.push(one.effect(&vec![value; one.axes.len()]));
-        let trials = Trials::of(&Serial, &floor, (&bundle_of(&description), &[]), &nominal, &stages);
-        let trials = trials.expect("not cancelled").expect("it can be driven");
-        assert!(
-            trials.runs.records.iter().all(|record| record.windows.len() >= 5),
-            "{chassis}"
-        );
-        let sigmas = |other: &Hypothesis| -> Vec<f64> {
-            let all = trials
-                .sigmas(&Serial, &floor, (&nominal, other))
-                .expect("not cancelled");
-            all.into_iter()
-                .map(|sigmas| sigmas.expect("it can be simulated"))
-                .collect()
-        };
-        assert!(sigmas(&nominal).iter().all(|sigmas| *sigmas == 0.0));
-        let sigmas = sigmas(&changed);
-        let best = (0..CATALOGUE.len())
-            .max_by(|a, b| sigmas[*a].total_cmp(&sigmas[*b]))
-            .expect("a manoeuvre");
-        (CATALOGUE[best].name, sigmas)
-    }
-
-    /// An effect that acts in some motion alone is shown by the manoeuvres that have it.
-    #[test]
-    fn what_a_manoeuvre_shows_follows_from_how_it_is_driven() {
-        for (chassis, name, value, shown_by, not_by) in [
-            ("diff2", "gyro_scale", 0.02, "spins", "speed_steps"),
-            ("diff2", "command_delay", 0.02, "random_steps", ""),
-            ("diff2", "wheel_speed_saturation", 12.0, "circles", "spins"),
-            ("rwd", "steering_lag", 0.05, "random_steps", "slow_ramps"),
-            ("omni4", "roller_drag", 1.0, "strafes", "spins"),
-        ] {
-            let (best, sigmas) = shown(chassis, name, value);
-            assert_eq!(best, shown_by, "{chassis} {name}: {sigmas:?}");
-            let not = CATALOGUE.iter().position(|manoeuvre| manoeuvre.name == not_by);
-            assert!(not.is_none_or(|not| sigmas[not] < 0.1), "{chassis} {name}: {sigmas:?}");
         }
     }
 }

@@ -1,6 +1,7 @@
 //! From runs to a report and a model version.
 
 mod absorb;
+mod apart;
 mod arrived;
 mod assemble;
 mod beside;
@@ -25,6 +26,7 @@ mod range_end;
 mod suspected;
 mod taken;
 mod trend;
+mod trial;
 mod usable;
 mod validation_gap;
 mod verdict;

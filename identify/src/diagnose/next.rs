@@ -4,11 +4,12 @@ use serde_json::{Value, json};
 use twin::effect::library::{EffectEntry, find};
 use twin::robot::RobotDescription;
 
-use super::manoeuvre::{CATALOGUE, Manoeuvre, RANDOM_STEPS, TRIAL_S, Trials};
+use super::Case;
+use super::apart::{REPEAT, furthest};
+use super::manoeuvre::{CATALOGUE, Manoeuvre, RANDOM_STEPS};
 use super::nearest::suspect;
-use super::{Case, knob_stages};
-use crate::fit::{Member, with_members};
-use crate::hypothesis::{LOST, applies};
+use crate::fit::Member;
+use crate::hypothesis::{Candidate, LOST, applies};
 use crate::record::{CHANNELS, Stages};
 use crate::report::schema::{NamedEffect, NextExperiment, Untestable, Verdict};
 use crate::select::Finalist;
@@ -16,9 +17,8 @@ use crate::workers::{Cancelled, Workers};
 
 /// So many effects a sentence names.
 const LISTED: usize = 3;
-/// Standard deviations from which a run tells two models apart, and below which it says nothing of them.
-const SURE_SIGMAS: f64 = 5.0;
-const NOTHING_SIGMAS: f64 = 1.0;
+/// The effect that acts somewhere alone.
+const PATCH: &str = "low_friction_patch";
 
 /// Which manoeuvre shows an effect.
 fn of(name: &str) -> usize {
@@ -44,7 +44,7 @@ fn experiment(number: usize, robot: &RobotDescription) -> Value {
         "what": what,
         "robots": [{"name": robot.name, "chassis": robot.chassis}],
         "duration_s": duration_s,
-        "repeat": 3,
+        "repeat": REPEAT,
     })
 }
 
@@ -76,7 +76,8 @@ pub(super) fn next_experiment(
         is_told_by_none: false,
     };
     if let Some(effect) = effects.iter().find(|effect| !effect.alternatives.is_empty()) {
-        return telling(workers, case, effect);
+        let is_alone = suspect(case).is_none() && effects.iter().filter(|one| one.status != "confirmed").count() == 1;
+        return telling(workers, case, effect, is_alone);
     }
     if let (Verdict::Partial | Verdict::Unexplained, Some(suspect)) = (verdict, suspect(case)) {
         return Ok(of_runs(Some(showing(workers, case, suspect)?)));
@@ -85,60 +86,59 @@ pub(super) fn next_experiment(
 }
 
 /// The run that tells a name from those that these runs cannot tell from it.
-fn telling(workers: &dyn Workers, case: &Case, effect: &NamedEffect) -> Result<Proposed, Cancelled> {
+fn telling(workers: &dyn Workers, case: &Case, effect: &NamedEffect, is_alone: bool) -> Result<Proposed, Cancelled> {
     let taken = case.taken.iter().find(|taken| taken.is(&effect.name, effect.index));
-    let rivals: Vec<&Finalist> = taken.map_or_else(Vec::new, |taken| {
-        let is_other = |rival: &&Finalist| {
-            let name = rival.member.candidate.entry.name;
-            effect.alternatives.iter().any(|other| other == name)
-        };
-        taken.alternatives.iter().filter(is_other).collect()
-    });
     let members = members_of(case);
-    let others = without(&members, taken.map(|taken| &taken.finalist));
-    let with = |rival: &&Finalist| [&others[..], core::slice::from_ref(&rival.member)].concat();
-    let models: Vec<Vec<Member>> = rivals.iter().map(with).collect();
-    let name = plain(&effect.name);
-    let apart = furthest(workers, case, &members, &models)?;
-    let (number, why) = match &apart {
-        Some(apart) if !apart.told.is_empty() => {
-            let mut told: Vec<&str> = apart
-                .told
+    let own = taken.map(|taken| &taken.finalist.member.candidate);
+    let rivals: Vec<&Member> = taken.map_or_else(Vec::new, |taken| {
+        let is_told = |rival: &&Member| {
+            effect
+                .alternatives
                 .iter()
-                .map(|k| rivals[*k].member.candidate.entry.name)
-                .collect();
-            told.dedup();
-            (
-                apart.number,
-                format!("tells {name} from {}: {}", listed(&told), apart.words()),
-            )
-        }
-        Some(apart) if apart.sigmas >= NOTHING_SIGMAS => {
-            let others = plain(&effect.alternatives.join(", "));
-            let words = apart.words();
-            (
-                apart.number,
-                format!("comes nearest to telling {name} from {others}: {words}, no other manoeuvre more"),
-            )
-        }
-        // Nothing of it shows off its place, say: the manoeuvre of the one that the present runs show less.
-        _ => {
-            let other = &effect.alternatives[0];
-            let is_alike = of(&effect.name) == of(other);
-            let shown = if is_alike {
-                other
-            } else {
-                weaker(case, &effect.name, other)
+                .any(|other| other == rival.candidate.entry.name)
+        };
+        taken.rivals.iter().filter(is_told).collect()
+    });
+    // A trial may not come by where such an effect acts.
+    let is_placed = own
+        .into_iter()
+        .chain(rivals.iter().map(|rival| &rival.candidate))
+        .any(|one| one.entry.name == PATCH);
+    let is_known = own.is_some_and(|own| members.iter().any(|member| member.candidate.is_same(own)));
+    let name = plain(&effect.name);
+    if is_known && !is_placed {
+        let others = without(&members, own);
+        let with = |rival: &Member| [&others[..], core::slice::from_ref(rival)].concat();
+        let models: Vec<(&str, Vec<Member>)> = rivals
+            .iter()
+            .map(|rival| (rival.candidate.entry.name, with(rival)))
+            .collect();
+        if let Some(apart) = furthest(workers, case, &members, &models)? {
+            let why = match apart.told.is_empty() {
+                false => format!("tells {name} from {}: {}", listed(&apart.told), apart.words()),
+                true => format!(
+                    "comes nearest to telling {name} from {}: {}",
+                    plain(apart.furthest),
+                    apart.words()
+                ),
             };
-            (
-                of(shown),
-                format!("tells {name} from {}", plain(&effect.alternatives.join(", "))),
-            )
+            return Ok(Proposed {
+                next: Some(pick(case, apart.number, why)),
+                is_told_by_none: is_alone && apart.is_vain,
+            });
         }
+    }
+    // The manoeuvre of the one that the present runs show less.
+    let other = &effect.alternatives[0];
+    let shown = if of(&effect.name) == of(other) {
+        other
+    } else {
+        weaker(case, &effect.name, other)
     };
+    let why = format!("tells {name} from {}", plain(&effect.alternatives.join(", ")));
     Ok(Proposed {
-        next: Some(pick(case, number, why)),
-        is_told_by_none: apart.is_some_and(|apart| apart.told.is_empty() && apart.sigmas >= NOTHING_SIGMAS),
+        next: Some(pick(case, of(shown), why)),
+        is_told_by_none: false,
     })
 }
 
@@ -154,10 +154,10 @@ fn showing(workers: &dyn Workers, case: &Case, suspect: &Finalist) -> Result<Nex
     } else {
         format!("shows whether it is {words}, and how much: these runs do not agree on it")
     };
-    let others = without(&members_of(case), Some(suspect));
+    let others = without(&members_of(case), Some(&suspect.member.candidate));
     let with = [&others[..], core::slice::from_ref(&suspect.member)].concat();
-    let apart = furthest(workers, case, &others, &[with])?;
-    Ok(match apart.filter(|apart| !apart.told.is_empty()) {
+    let apart = furthest(workers, case, &others, &[(name, with)])?;
+    Ok(match apart.filter(|apart| !apart.told.is_empty() && name != PATCH) {
         Some(apart) => pick(case, apart.number, format!("{why}; {}", apart.words())),
         None => pick(case, of(name), why),
     })
@@ -180,7 +180,7 @@ fn without_trial(case: &Case, verdict: Verdict, untestable: &[Untestable]) -> Op
     let open: Vec<&str> = untestable
         .iter()
         .map(|open| open.name.as_str())
-        .filter(|name| find(name).is_some_and(|entry| applies(entry, robot)))
+        .filter(|name| *name != LOST && find(name).is_some_and(|entry| applies(entry, robot)))
         .collect();
     // What may be behind an open gap comes before what is merely not known.
     let suspects: Vec<&str> = match case.located.channels.first() {
@@ -212,83 +212,9 @@ fn members_of(case: &Case) -> Vec<Member> {
 }
 
 /// Members but for one.
-fn without(members: &[Member], finalist: Option<&Finalist>) -> Vec<Member> {
-    let is_own = |member: &Member| {
-        finalist.is_some_and(|finalist| {
-            let (own, other) = (&member.candidate, &finalist.member.candidate);
-            own.entry.name == other.entry.name && own.index == other.index
-        })
-    };
+fn without(members: &[Member], candidate: Option<&Candidate>) -> Vec<Member> {
+    let is_own = |member: &&Member| candidate.is_some_and(|own| member.candidate.is_same(own));
     members.iter().filter(|member| !is_own(member)).cloned().collect()
-}
-
-/// How far apart a manoeuvre sets a model from others.
-struct Apart {
-    number: usize,
-    /// Which others it tells from it.
-    told: Vec<usize>,
-    /// The nearest of these; where there is none the furthest of all.
-    sigmas: f64,
-}
-
-impl Apart {
-    fn words(&self) -> String {
-        let digits = usize::from(self.sigmas < 10.0);
-        format!(
-            "{TRIAL_S:.0} s of it would set them {:.digits$} standard deviations apart",
-            self.sigmas
-        )
-    }
-}
-
-/// The manoeuvre that sets a model furthest apart from others, all driven by the twin where the first open run was driven.
-fn furthest(
-    workers: &dyn Workers,
-    case: &Case,
-    own: &[Member],
-    others: &[Vec<Member>],
-) -> Result<Option<Apart>, Cancelled> {
-    let is_lost = |members: &[Member]| members.iter().any(|member| member.candidate.entry.name == LOST);
-    if others.is_empty() || is_lost(own) || others.iter().any(|members| is_lost(members)) {
-        return Ok(None);
-    }
-    let base = with_members(&case.floor.model, own);
-    let models: Vec<_> = others
-        .iter()
-        .map(|members| with_members(&case.floor.model, members))
-        .collect();
-    let Some(like) = case.input.runs.first() else {
-        return Ok(None);
-    };
-    let knobs = case.floor.knobs.iter();
-    let stages: Vec<Stages> = knobs.map(|knob| knob_stages(knob, &case.candidates)).collect();
-    let driven = (&like.bundle, &case.records[..]);
-    let Some(trials) = Trials::of(workers, &case.floor, driven, &base, &stages)? else {
-        return Ok(None);
-    };
-    let mut sigmas = Vec::with_capacity(models.len());
-    for model in &models {
-        sigmas.push(trials.sigmas(workers, &case.floor, (&base, model))?);
-    }
-    let apart = |number: usize| -> Option<Apart> {
-        let sigmas: Vec<f64> = sigmas.iter().map(|of_model| of_model[number]).collect::<Option<_>>()?;
-        let told: Vec<usize> = (0..sigmas.len()).filter(|k| sigmas[*k] >= SURE_SIGMAS).collect();
-        let least = told.iter().map(|k| sigmas[*k]).fold(f64::INFINITY, f64::min);
-        let most = sigmas.iter().copied().fold(0.0, f64::max);
-        Some(Apart {
-            number,
-            sigmas: if told.is_empty() { most } else { least },
-            told,
-        })
-    };
-    let known = (0..CATALOGUE.len()).filter_map(apart);
-    Ok(known.max_by(|a, b| {
-        let by_count = a.told.len().cmp(&b.told.len());
-        // Of equal ones the first of the catalogue.
-        by_count
-            .then(a.sigmas.total_cmp(&b.sigmas))
-            .then(b.number.cmp(&a.number))
-    }))
 }
 
 /// An effect may change a channel.
@@ -296,7 +222,7 @@ fn acts_on(case: &Case, name: &str, class: usize) -> bool {
     let is_rolling = matches!(CHANNELS[class], "gyro" | "pose" | "yaw");
     let mut own = case.candidates.iter().filter(|candidate| candidate.entry.name == name);
     let acts = |stages: Stages| if is_rolling { stages.rolling } else { stages.drive };
-    own.any(|candidate| acts(candidate.stages)) || (name == LOST && !is_rolling)
+    own.any(|candidate| acts(candidate.stages))
 }
 
 /// The manoeuvre that shows most of some effects, the shortest of several, and which ones.

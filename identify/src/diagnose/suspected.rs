@@ -102,6 +102,7 @@ pub(super) fn take_suspect(
         may_be_rest_of: None,
         is_beside_a_large_rest: false,
         reserved: Vec::new(),
+        rivals: Vec::new(),
         trend: None,
         suspected: Some(because),
         is_shown_together,

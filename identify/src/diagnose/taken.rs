@@ -3,6 +3,7 @@
 use super::TINY;
 use super::evenness::Evenness;
 use super::trend::Trend;
+use crate::fit::Member;
 use crate::floor::Floor;
 use crate::hypothesis::LOST;
 use crate::select::{Finalist, Stop};
@@ -22,6 +23,8 @@ const LOAD: &str = "payload";
 pub(super) struct Taken {
     pub finalist: Finalist,
     pub alternatives: Vec<Finalist>,
+    /// The alternatives as they fit all open runs in its place, beside what else is named; none before the final fit.
+    pub rivals: Vec<Member>,
     pub excluded: Vec<Finalist>,
     pub threshold: f64,
     /// In the model, and no name: too small to matter, or a correction of a law of the twin.
@@ -79,6 +82,7 @@ impl Taken {
             may_be_rest_of: None,
             is_beside_a_large_rest: false,
             reserved: Vec::new(),
+            rivals: Vec::new(),
         }
     }
 
@@ -326,6 +330,7 @@ impl Taken {
             may_be_rest_of: None,
             is_beside_a_large_rest: false,
             reserved: Vec::new(),
+            rivals: Vec::new(),
         }
     }
 
@@ -344,7 +349,6 @@ impl Taken {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fit::Member;
     use crate::hypothesis::lost_set_points;
 
     const OFFSET: &str = "center_of_mass_offset";

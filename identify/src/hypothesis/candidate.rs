@@ -61,6 +61,11 @@ pub struct Excitation {
 }
 
 impl Candidate {
+    /// The same effect on the same wheel.
+    pub fn is_same(&self, other: &Candidate) -> bool {
+        self.entry.name == other.entry.name && self.index == other.index
+    }
+
     /// Name with its wheel.
     pub fn label(&self) -> String {
         match self.index {
