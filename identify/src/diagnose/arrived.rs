@@ -279,6 +279,7 @@ impl Question<'_> {
             gain_validation: gains[1],
             change_validation: 0.0,
             in_references,
+            is_shown_by_references: true,
             stability: agreeing.count() as f64 / runs.len() as f64,
             is_in_turn: false,
             is_but_one: false,

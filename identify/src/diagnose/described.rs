@@ -269,6 +269,7 @@ impl Choice<'_> {
             gain_validation: gains[1],
             change_validation: 0.0,
             in_references: 0.0,
+            is_shown_by_references: false,
             stability,
             is_in_turn: false,
             is_but_one: false,

@@ -103,10 +103,11 @@ impl Taken {
         is_all && self.doubts().is_empty() && self.before(floor).is_none()
     }
 
-    /// Why it may have been there before; lost set-points are no error of a description.
+    /// Why it may have been there before; lost set-points are no error of a description, and what gains ten thresholds is more than such errors come to.
     pub fn before(&self, floor: &Floor) -> Option<&'static str> {
         let is_lost = self.finalist.member.candidate.entry.name == LOST;
-        floor.may_have_had(self.finalist.size).filter(|_| !is_lost)
+        let is_shown = self.finalist.is_shown_by_references || self.is_sure_by_gain();
+        floor.may_have_had(self.finalist.size, is_shown).filter(|_| !is_lost)
     }
 
     /// It is the effect of such a name, and wheel.
@@ -221,12 +222,21 @@ impl Taken {
         all
     }
 
-    /// Why less than a practical size is no news: that much may be another effect, or everyday.
+    /// Why less than a practical size is no news: that much may be another effect, or everyday. Of what the references have some of only the rest is new.
     fn small(&self) -> Option<String> {
         let (name, size) = (self.finalist.member.candidate.entry.name, self.finalist.size);
-        let is_small = size < 1.0 && name != LOST && !self.is_sure_by_gain();
+        let there = self.finalist.in_references.clamp(0.0, 1.0);
+        let is_small = (1.0 - there) * size < 1.0 && name != LOST && !self.is_sure_by_gain();
         is_small.then(|| {
-            format!("{name}: less than is practical to find ({size:.2} of it) and not far beyond chance, so it may stand for another effect")
+            let new = if size < 1.0 {
+                format!("less than is practical to find ({size:.2} of it)")
+            } else {
+                format!(
+                    "the references have {:.0} % of it, and what is new is less than is practical to find",
+                    100.0 * there
+                )
+            };
+            format!("{name}: {new} and not far beyond chance, so it may stand for another effect")
         })
     }
 
@@ -386,6 +396,25 @@ mod tests {
             ..none
         };
         assert_eq!(load.doubts().len(), 1, "runs may have had other loads");
+    }
+
+    #[test]
+    fn of_what_the_references_have_only_the_rest_is_new() {
+        let of = |thresholds: f64, size: f64, in_references: f64| {
+            let mut taken = Taken::sample(OFFSET, thresholds);
+            (taken.finalist.size, taken.finalist.in_references) = (size, in_references);
+            taken.reservations()
+        };
+        assert!(of(3.0, 1.2, 0.1).is_empty());
+        let some = of(3.0, 1.2, 0.48);
+        assert!(
+            matches!(&some[..], [why] if why.contains("the references have 48 % of it")),
+            "{some:?}"
+        );
+        assert!(of(3.0, 2.5, 0.48).is_empty(), "more than a practical size is new");
+        assert!(of(20.0, 1.2, 0.48).is_empty(), "so much is not chance");
+        assert!(of(3.0, 1.2, -0.4).is_empty(), "the other way round in the references");
+        assert!(matches!(&of(3.0, 0.9, 0.0)[..], [why] if why.contains("0.90 of it")));
     }
 
     #[test]

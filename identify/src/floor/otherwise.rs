@@ -123,9 +123,10 @@ impl Floor {
     /// that, for a description is off by up to one in many things at once, and what they come to together looks like another one.
     ///
     /// - `size`: in practical sizes.
-    pub fn may_have_had(&self, size: f64) -> Option<&'static str> {
+    /// - `is_shown`: the references would show it at this size. What they would not show has a description's bar, as without references.
+    pub fn may_have_had(&self, size: f64, is_shown: bool) -> Option<&'static str> {
         let is_undescribed = self.references.is_empty() && size < UNDESCRIBED;
-        let is_unshown = self.is_otherwise && size < 1.0;
+        let is_unshown = self.is_otherwise && (size < 1.0 || !is_shown && size < UNDESCRIBED);
         if is_undescribed {
             return Some(
                 "errors of the robot's description may add up to a size like this; runs of the unchanged robot as references would tell",
@@ -263,9 +264,10 @@ mod tests {
     #[test]
     fn what_is_smaller_than_practical_may_have_been_there_before() {
         let mut floor = floor();
-        assert!(floor.may_have_had(0.8).is_none() && !floor.has_untold_tyres());
+        assert!(floor.may_have_had(0.8, true).is_none() && !floor.has_untold_tyres());
         floor.is_otherwise = true;
-        assert!(floor.may_have_had(0.8).is_some() && floor.may_have_had(1.1).is_none());
+        assert!(floor.may_have_had(0.8, true).is_some() && floor.may_have_had(1.1, true).is_none());
+        assert!(floor.may_have_had(1.1, false).is_some() && floor.may_have_had(2.0, false).is_none());
         assert!(floor.has_untold_tyres());
         floor.is_of_runs = true;
         assert!(!floor.has_untold_tyres(), "the runs have told them");
@@ -275,8 +277,12 @@ mod tests {
     fn without_references_a_small_size_may_be_what_the_description_is_off_by() {
         let mut floor = floor();
         floor.references.clear();
-        assert!(floor.may_have_had(1.9).is_some_and(|why| why.contains("description")));
-        assert_eq!(floor.may_have_had(2.0), None);
-        assert_eq!(floor.may_have_had(f64::INFINITY), None, "a limit");
+        assert!(
+            floor
+                .may_have_had(1.9, true)
+                .is_some_and(|why| why.contains("description"))
+        );
+        assert_eq!(floor.may_have_had(2.0, true), None);
+        assert_eq!(floor.may_have_had(f64::INFINITY, true), None, "a limit");
     }
 }

@@ -69,7 +69,9 @@ pub(super) fn judge(data: &Round, fitted: &Fitted, threshold: f64) -> Finalist {
     }
     if let Some(metric) = data.reference_metric {
         let there = with_members(&data.floor.model, core::slice::from_ref(&finalist.member));
-        finalist.in_references = amplitude_in_references(data.floor, metric, &there, own_stages).unwrap_or(0.0);
+        let amplitude = amplitude_in_references(data.floor, metric, &there, own_stages);
+        finalist.is_shown_by_references = amplitude.is_some();
+        finalist.in_references = amplitude.unwrap_or(0.0);
     }
     finalist.because = gate(data, &finalist, threshold);
     let is_asked = finalist.because.is_some() && finalist.is_unshown && finalist.gain_train >= threshold;

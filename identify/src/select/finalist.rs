@@ -32,6 +32,8 @@ pub struct Finalist {
     pub change_validation: f64,
     /// Amplitude at which the same change is in the references; 1 = just as much.
     pub in_references: f64,
+    /// The references would show it at this size.
+    pub is_shown_by_references: bool,
     pub stability: f64,
     /// One side hardly shows it: the validation runs, or the training runs ([`Finalist::is_shown_elsewhere`]).
     pub is_unshown: bool,
@@ -68,6 +70,7 @@ impl Finalist {
             gain_validation: 0.0,
             change_validation: 0.0,
             in_references: 0.0,
+            is_shown_by_references: false,
             stability: 0.0,
             is_in_turn: false,
             is_but_one: false,
@@ -148,6 +151,7 @@ impl Finalist {
             gain_validation: 100.0,
             change_validation: 100.0,
             in_references: 0.0,
+            is_shown_by_references: true,
             stability: 1.0,
             is_unshown: false,
             is_in_turn: false,

@@ -258,12 +258,14 @@ impl Question<'_> {
             (!is_harmful).then(|| weighed + sum(&beyond(self.floor, side, &kept.residuals)))
         };
         let there = with_members(&self.floor.model, core::slice::from_ref(&member));
+        let amplitude = amplitude_in_references(self.floor, self.reference_metric, &there, stages);
         Some(Finalist {
             size: member.candidate.size(&member.values),
             sure_size: fit.sure_size(0),
             gain_train: gain(&self.train)?,
             gain_validation: gain(&self.validation)?,
-            in_references: amplitude_in_references(self.floor, self.reference_metric, &there, stages).unwrap_or(0.0),
+            in_references: amplitude.unwrap_or(0.0),
+            is_shown_by_references: amplitude.is_some(),
             is_unshown: false,
             joint: Vec::new(),
             member,
