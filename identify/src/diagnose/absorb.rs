@@ -14,6 +14,12 @@ const ALIKE: f64 = 0.4;
 /// An accepted effect of which the references have less than this part is not looked for in them.
 const PERHAPS_SEEN: f64 = 0.1;
 
+/// Part of an effect that the references have, up to all of it; none where that is too little to be told.
+pub(super) fn part_before(finalist: &Finalist) -> f64 {
+    let part = finalist.in_references;
+    if part > PERHAPS_SEEN { part.min(1.0) } else { 0.0 }
+}
+
 /// Takes into the floor's model what the references have of the accepted effect, or, when none is accepted, the best of what they have as well.
 pub(super) fn absorb_one(floor: &mut Floor, metric: &Metric, stop: &Stop, runs: &[Record]) -> bool {
     let is_there = |(position, finalist): &(usize, &Finalist)| match stop.accepted {

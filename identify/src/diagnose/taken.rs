@@ -1,6 +1,7 @@
 //! An effect that has been taken into the model, and what speaks against believing it.
 
 use super::TINY;
+use super::absorb::part_before;
 use super::evenness::Evenness;
 use super::trend::Trend;
 use crate::fit::Member;
@@ -225,7 +226,7 @@ impl Taken {
     /// Why less than a practical size is no news: that much may be another effect, or everyday. Of what the references have some of only the rest is new.
     fn small(&self) -> Option<String> {
         let (name, size) = (self.finalist.member.candidate.entry.name, self.finalist.size);
-        let there = self.finalist.in_references.clamp(0.0, 1.0);
+        let there = part_before(&self.finalist);
         let is_small = (1.0 - there) * size < 1.0 && name != LOST && !self.is_sure_by_gain();
         is_small.then(|| {
             let new = if size < 1.0 {
@@ -405,7 +406,7 @@ mod tests {
             (taken.finalist.size, taken.finalist.in_references) = (size, in_references);
             taken.reservations()
         };
-        assert!(of(3.0, 1.2, 0.1).is_empty());
+        assert!(of(3.0, 1.2, 0.0).is_empty());
         let some = of(3.0, 1.2, 0.48);
         assert!(
             matches!(&some[..], [why] if why.contains("the references have 48 % of it")),
@@ -413,6 +414,7 @@ mod tests {
         );
         assert!(of(3.0, 2.5, 0.48).is_empty(), "more than a practical size is new");
         assert!(of(20.0, 1.2, 0.48).is_empty(), "so much is not chance");
+        assert!(of(3.0, 1.02, 0.08).is_empty(), "so little may be chance");
         assert!(of(3.0, 1.2, -0.4).is_empty(), "the other way round in the references");
         assert!(matches!(&of(3.0, 0.9, 0.0)[..], [why] if why.contains("0.90 of it")));
     }
