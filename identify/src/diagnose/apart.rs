@@ -30,12 +30,30 @@ pub(super) struct Apart<'a> {
 
 impl Apart<'_> {
     pub fn words(&self) -> String {
-        let digits = usize::from(self.sigmas < 10.0);
-        format!(
-            "{TRIAL_S:.0} s of it would set them {:.digits$} standard deviations apart",
-            self.sigmas
-        )
+        let figure = |sigmas: f64| format!("{sigmas:.0$}", usize::from(sigmas < 10.0));
+        let all_s = whole_s(self.number);
+        let words = format!(
+            "{TRIAL_S:.0} s of it would set them {} standard deviations apart",
+            figure(self.sigmas)
+        );
+        match self.told.is_empty() {
+            true => format!(
+                "{words}, all {all_s:.0} s at most {}",
+                figure(whole(self.number, self.sigmas))
+            ),
+            false => words,
+        }
     }
+}
+
+/// How long a manoeuvre is to be driven in all, s.
+fn whole_s(number: usize) -> f64 {
+    f64::from(REPEAT) * CATALOGUE[number].duration_s
+}
+
+/// What all of a manoeuvre tells if a trial tells so much: as much as if nothing but noise were in the way.
+fn whole(number: usize, sigmas: f64) -> f64 {
+    sigmas * libm::sqrt((whole_s(number) / TRIAL_S).max(1.0))
 }
 
 /// The manoeuvre that sets a model furthest apart from others, all driven by the twin from the middle of where the open runs were.
@@ -89,10 +107,6 @@ fn best<'a>(sigmas: &[(&'a str, Vec<Option<f64>>)]) -> Option<Apart<'a>> {
         Some(names)
     };
     let known: Vec<(usize, Vec<(&str, f64)>)> = (0..CATALOGUE.len()).filter_map(|k| Some((k, of(k)?))).collect();
-    let whole = |number: usize, sigmas: f64| {
-        let lasts_s = f64::from(REPEAT) * CATALOGUE[number].duration_s;
-        sigmas * libm::sqrt((lasts_s / TRIAL_S).max(1.0))
-    };
     let is_vain = known
         .iter()
         .all(|(k, names)| names.iter().all(|(_, own)| whole(*k, *own) < SURE_SIGMAS));
@@ -161,6 +175,10 @@ mod tests {
     fn nothing_is_vain_that_the_whole_experiment_may_tell() {
         let nearly = best(&[("encoder_scale", sigmas(0.1, &[(8, 3.0)]))]).expect("something is known");
         assert!(nearly.told.is_empty() && !nearly.is_vain && nearly.number == 8 && nearly.furthest == "encoder_scale");
+        assert_eq!(
+            nearly.words(),
+            "12 s of it would set them 3.0 standard deviations apart, all 60 s at most 6.7"
+        );
         let never = best(&[("encoder_scale", sigmas(0.1, &[(8, 1.0)]))]).expect("something is known");
         assert!(never.is_vain);
         let unknown = vec![None; CATALOGUE.len()];
