@@ -29,11 +29,12 @@ pub(super) struct Apart<'a> {
 }
 
 impl Apart<'_> {
-    pub fn words(&self) -> String {
+    /// - `whom`: what it sets apart, in words.
+    pub fn words(&self, whom: &str) -> String {
         let figure = |sigmas: f64| format!("{sigmas:.0$}", usize::from(sigmas < 10.0));
         let all_s = whole_s(self.number);
         let words = format!(
-            "{TRIAL_S:.0} s of it would set them {} standard deviations apart",
+            "{TRIAL_S:.0} s of it would set {whom} {} standard deviations apart",
             figure(self.sigmas)
         );
         match self.told.is_empty() {
@@ -151,7 +152,10 @@ mod tests {
             (apart.number, &apart.told[..], apart.sigmas),
             (6, &["gyro_scale", "track_width"][..], 6.0)
         );
-        assert_eq!(apart.words(), "12 s of it would set them 6.0 standard deviations apart");
+        assert_eq!(
+            apart.words("them"),
+            "12 s of it would set them 6.0 standard deviations apart"
+        );
         let apart = best(&[one]).expect("something is known");
         assert_eq!((apart.number, apart.sigmas, apart.is_vain), (3, 90.0, false));
     }
@@ -176,7 +180,7 @@ mod tests {
         let nearly = best(&[("encoder_scale", sigmas(0.1, &[(8, 3.0)]))]).expect("something is known");
         assert!(nearly.told.is_empty() && !nearly.is_vain && nearly.number == 8 && nearly.furthest == "encoder_scale");
         assert_eq!(
-            nearly.words(),
+            nearly.words("them"),
             "12 s of it would set them 3.0 standard deviations apart, all 60 s at most 6.7"
         );
         let never = best(&[("encoder_scale", sigmas(0.1, &[(8, 1.0)]))]).expect("something is known");

@@ -115,11 +115,11 @@ fn telling(workers: &dyn Workers, case: &Case, effect: &NamedEffect, is_alone: b
             .collect();
         if let Some(apart) = furthest(workers, case, &members, &models)? {
             let why = match apart.told.is_empty() {
-                false => format!("tells {name} from {}: {}", listed(&apart.told), apart.words()),
+                false => format!("tells {name} from {}: {}", listed(&apart.told), apart.words("them")),
                 true => format!(
                     "comes nearest to telling {name} from {}: {}",
                     plain(apart.furthest),
-                    apart.words()
+                    apart.words("them")
                 ),
             };
             return Ok(Proposed {
@@ -158,7 +158,11 @@ fn showing(workers: &dyn Workers, case: &Case, suspect: &Finalist) -> Result<Nex
     let with = [&others[..], core::slice::from_ref(&suspect.member)].concat();
     let apart = furthest(workers, case, &others, &[(name, with)])?;
     Ok(match apart.filter(|apart| !apart.told.is_empty() && name != PATCH) {
-        Some(apart) => pick(case, apart.number, format!("{why}; {}", apart.words())),
+        Some(apart) => pick(
+            case,
+            apart.number,
+            format!("{why}; {}", apart.words("the twin with it and the twin without")),
+        ),
         None => pick(case, of(name), why),
     })
 }
