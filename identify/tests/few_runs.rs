@@ -100,6 +100,15 @@ fn a_limit_that_one_run_reaches_is_suspected() {
     let limit = effect.parameters[0].value.expect("a limit has a value");
     assert!((limit / LIMIT_M_PER_S2 - 1.0).abs() < 0.1, "{limit} m/s2");
     assert_doubted(&report, "acceleration_limit: only some runs show it");
+    // The twin drives it with the limit and without: slow ramps and a slow grid never reach it.
+    let next = report.next_experiment.as_ref().expect("something can be done");
+    assert!(
+        next.why.contains("would set the twin with it and the twin without"),
+        "{}",
+        next.why
+    );
+    let manoeuvre = next.experiment["manoeuvre"].as_str().expect("a manoeuvre");
+    assert!(!["slow_ramps", "field_grid"].contains(&manoeuvre), "{manoeuvre}");
 }
 
 /// The runs kept for checking carry less than half of what the training runs carry: neither side's load explains the other's runs, and all of them carry

@@ -87,7 +87,7 @@ pub(super) fn furthest<'a>(
     let mut sigmas = Vec::with_capacity(others.len());
     for (name, members) in others {
         let model = with_members(&case.floor.model, members);
-        sigmas.push((*name, trials.sigmas(workers, &case.floor, (&base, &model))?));
+        sigmas.push((*name, trials.sigmas(workers, &model)?));
     }
     Ok(best(&sigmas))
 }

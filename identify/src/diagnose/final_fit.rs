@@ -5,6 +5,7 @@ use super::evenness::evenness;
 use super::interval::may_be_none;
 use super::prepared::{Prepared, prepare};
 use super::range_end::reserve_ends;
+use super::taken::Taken;
 use super::trend::trend;
 use super::{Case, DiagnoseError, TINY, loudness};
 use crate::fit::{Member, Problem, fit, with_members};
@@ -12,7 +13,7 @@ use crate::hypothesis::LOST;
 use crate::locate::states;
 use crate::record::{Record, Stages};
 use crate::screen::all_residuals;
-use crate::select::{Finalist, Role, difference, window_energies};
+use crate::select::{PLACE, Role, difference, window_energies};
 use crate::workers::{Cancelled, Workers, gathered};
 
 /// The final numbers on training and validation runs together.
@@ -72,7 +73,7 @@ pub(super) fn finish(
                     residuals: without,
                     ..problem
                 };
-                taken.rivals = in_place(workers, &beside, &others, &taken.alternatives)?;
+                taken.rivals = in_place(workers, &beside, &others, taken)?;
             }
             taken.evenness = without.and_then(|without| {
                 let without = both.bounds.keep(&both.metric, &both.records, &both.residuals, without);
@@ -113,7 +114,7 @@ pub(super) fn finish(
     Ok(())
 }
 
-/// Alternatives of a name fitted in its place.
+/// Alternatives of a name fitted in its place; none where one of them or the name acts somewhere alone, which no trial would tell.
 ///
 /// - `beside`: all open runs, with what else is named in the model.
 /// - `others`: that; what is among it already is no alternative.
@@ -121,10 +122,15 @@ fn in_place(
     workers: &dyn Workers,
     beside: &Problem,
     others: &[Member],
-    alternatives: &[Finalist],
+    taken: &Taken,
 ) -> Result<Vec<Member>, Cancelled> {
+    let all = || taken.alternatives.iter().chain([&taken.finalist]);
+    if all().any(|finalist| finalist.member.candidate.entry.name == PLACE) {
+        return Ok(Vec::new());
+    }
     let is_there = |member: &Member| others.iter().any(|other| other.candidate.is_same(&member.candidate));
-    let open: Vec<&Member> = alternatives
+    let open: Vec<&Member> = taken
+        .alternatives
         .iter()
         .map(|other| &other.member)
         .filter(|member| !is_there(member))

@@ -11,14 +11,13 @@ use super::nearest::suspect;
 use crate::fit::Member;
 use crate::hypothesis::{Candidate, LOST, applies};
 use crate::record::{CHANNELS, Stages};
+use crate::report::plain;
 use crate::report::schema::{NamedEffect, NextExperiment, Untestable, Verdict};
-use crate::select::Finalist;
+use crate::select::{Finalist, PLACE};
 use crate::workers::{Cancelled, Workers};
 
 /// So many effects a sentence names.
 const LISTED: usize = 3;
-/// The effect that acts somewhere alone.
-const PATCH: &str = "low_friction_patch";
 
 /// Which manoeuvre shows an effect.
 fn of(name: &str) -> usize {
@@ -99,14 +98,9 @@ fn telling(workers: &dyn Workers, case: &Case, effect: &NamedEffect, is_alone: b
         };
         taken.rivals.iter().filter(is_told).collect()
     });
-    // A trial may not come by where such an effect acts.
-    let is_placed = own
-        .into_iter()
-        .chain(rivals.iter().map(|rival| &rival.candidate))
-        .any(|one| one.entry.name == PATCH);
     let is_known = own.is_some_and(|own| members.iter().any(|member| member.candidate.is_same(own)));
     let name = plain(&effect.name);
-    if is_known && !is_placed {
+    if is_known {
         let others = without(&members, own);
         let with = |rival: &Member| [&others[..], core::slice::from_ref(rival)].concat();
         let models: Vec<(&str, Vec<Member>)> = rivals
@@ -154,15 +148,18 @@ fn showing(workers: &dyn Workers, case: &Case, suspect: &Finalist) -> Result<Nex
     } else {
         format!("shows whether it is {words}, and how much: these runs do not agree on it")
     };
+    // It acts somewhere alone, where a trial may not come by.
+    if name == PLACE {
+        return Ok(pick(case, of(name), why));
+    }
     let others = without(&members_of(case), Some(&suspect.member.candidate));
     let with = [&others[..], core::slice::from_ref(&suspect.member)].concat();
     let apart = furthest(workers, case, &others, &[(name, with)])?;
-    Ok(match apart.filter(|apart| !apart.told.is_empty() && name != PATCH) {
-        Some(apart) => pick(
-            case,
-            apart.number,
-            format!("{why}; {}", apart.words("the twin with it and the twin without")),
-        ),
+    Ok(match apart.filter(|apart| !apart.told.is_empty()) {
+        Some(apart) => {
+            let words = apart.words("the twin with it and the twin without");
+            pick(case, apart.number, format!("{why}; {words}"))
+        }
         None => pick(case, of(name), why),
     })
 }
@@ -206,10 +203,6 @@ fn pick(case: &Case, number: usize, why: String) -> NextExperiment {
     }
 }
 
-fn plain(name: &str) -> String {
-    name.replace('_', " ")
-}
-
 /// What is in the model at the end.
 fn members_of(case: &Case) -> Vec<Member> {
     case.fit.as_ref().map_or_else(Vec::new, |fit| fit.members.clone())
@@ -241,7 +234,7 @@ fn most_shown<'a>(open: &[&'a str]) -> Option<(usize, Vec<&'a str>)> {
 
 /// Effects in words; of many the first ones.
 fn listed(names: &[&str]) -> String {
-    let mut words: Vec<String> = names.iter().take(LISTED).map(|name| name.replace('_', " ")).collect();
+    let mut words: Vec<String> = names.iter().take(LISTED).map(|name| plain(name)).collect();
     if names.len() > LISTED {
         words.push(format!("{} more", names.len() - LISTED));
     }

@@ -7,20 +7,23 @@ use twin::robot::Robot;
 use twin::world::RobotState;
 
 use super::manoeuvre::{CATALOGUE, RATE_HZ, rows};
-use super::prepared::{Prepared, prepare};
 use crate::bundle::Bundle;
 use crate::channel::Channel;
-use crate::floor::{Floor, sensor_sigmas};
+use crate::floor::{Floor, Metric, knob_changes, sensor_sigmas};
 use crate::hypothesis::Hypothesis;
 use crate::random::Random;
 use crate::record::{Record, Stages};
-use crate::screen::all_residuals;
+use crate::screen::{all_residuals, columns};
 use crate::telemetry::{Series, Telemetry};
 use crate::workers::{Cancelled, Workers, gathered};
 
-/// All manoeuvres as the twin would drive and measure them.
+/// All manoeuvres as the twin would drive and measure them with a model.
 pub(super) struct Trials {
-    runs: Prepared,
+    records: Vec<Record>,
+    /// Under the model that drives.
+    residuals: Vec<Vec<f64>>,
+    /// Of each manoeuvre by itself.
+    metrics: Vec<Metric>,
 }
 
 impl Trials {
@@ -46,32 +49,38 @@ impl Trials {
             let bundle = bundle(like, &robot, &rows, &states);
             Some(Record::of(CATALOGUE[number].name, &bundle))
         })?;
-        let Some(driven) = driven.into_iter().collect::<Option<Vec<Record>>>() else {
+        let Some(records) = driven.into_iter().collect::<Option<Vec<Record>>>() else {
             return Ok(None);
         };
-        let runs = prepare(workers, floor, driven, stages)?;
-        Ok((runs.records.len() == CATALOGUE.len()).then_some(Trials { runs }))
+        let whole = |of: &Hypothesis| -> Result<Option<Vec<Vec<f64>>>, Cancelled> {
+            Ok(all_residuals(workers, &records, of)?.into_iter().collect())
+        };
+        let (Some(residuals), Some(healthy)) = (whole(model)?, whole(&floor.model)?) else {
+            return Ok(None);
+        };
+        let changes = knob_changes(&floor.model, &floor.knobs, &floor.values, stages);
+        let sensitivities = columns(workers, &records, &healthy, &changes)?;
+        let metric = |number: usize| {
+            let alone: Vec<Vec<Vec<f64>>> = sensitivities.iter().map(|knob| vec![knob[number].clone()]).collect();
+            floor.metric(&records[number..=number], &alone)
+        };
+        Ok(Some(Trials {
+            metrics: (0..records.len()).map(metric).collect(),
+            residuals,
+            records,
+        }))
     }
 
-    /// How far apart two models are in each, in standard deviations: what noise and everyday differences do not make.
-    pub fn sigmas(
-        &self,
-        workers: &dyn Workers,
-        floor: &Floor,
-        (a, b): (&Hypothesis, &Hypothesis),
-    ) -> Result<Vec<Option<f64>>, Cancelled> {
-        let records = &self.runs.records;
-        let (a, b) = (all_residuals(workers, records, a)?, all_residuals(workers, records, b)?);
-        let of = |number: usize| -> Option<f64> {
-            let (a, b) = (a[number].as_ref()?, b[number].as_ref()?);
-            let apart: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
-            let knobs = self.runs.sensitivities.iter();
-            let alone: Vec<Vec<Vec<f64>>> = knobs.map(|knob| vec![knob[number].clone()]).collect();
-            let metric = floor.metric(&records[number..=number], &alone);
-            let square = metric.gram(&[vec![&apart]]).at(0, 0);
+    /// How far apart another model is in each, in standard deviations: what noise and everyday differences do not make.
+    pub fn sigmas(&self, workers: &dyn Workers, other: &Hypothesis) -> Result<Vec<Option<f64>>, Cancelled> {
+        let others = all_residuals(workers, &self.records, other)?;
+        let of = |(number, other): (usize, Option<Vec<f64>>)| -> Option<f64> {
+            let other = other?;
+            let apart: Vec<f64> = self.residuals[number].iter().zip(&other).map(|(a, b)| a - b).collect();
+            let square = self.metrics[number].gram(&[vec![&apart]]).at(0, 0);
             square.is_finite().then(|| libm::sqrt(square.max(0.0)))
         };
-        Ok((0..records.len()).map(of).collect())
+        Ok(others.into_iter().enumerate().map(of).collect())
     }
 }
 
@@ -273,13 +282,11 @@ mod tests {
         let trials = Trials::of(&Serial, &floor, (&bundle_of(&description), &[]), &nominal, &stages);
         let trials = trials.expect("not cancelled").expect("it can be driven");
         assert!(
-            trials.runs.records.iter().all(|record| record.windows.len() >= 5),
+            trials.records.iter().all(|record| record.windows.len() >= 5),
             "{chassis}"
         );
         let sigmas = |other: &Hypothesis| -> Vec<f64> {
-            let all = trials
-                .sigmas(&Serial, &floor, (&nominal, other))
-                .expect("not cancelled");
+            let all = trials.sigmas(&Serial, other).expect("not cancelled");
             all.into_iter()
                 .map(|sigmas| sigmas.expect("it can be simulated"))
                 .collect()

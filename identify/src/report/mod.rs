@@ -6,4 +6,4 @@ mod words;
 
 pub use page::page;
 pub use schema::{Report, Verdict};
-pub use words::{effect_sentence, told_by_no_run, verdict_sentence};
+pub use words::{effect_sentence, plain, told_by_no_run, verdict_sentence};

@@ -18,7 +18,7 @@ pub fn told_by_no_run(sentence: String, is_so: bool) -> String {
 }
 
 /// Effect name as a person says it.
-fn plain(name: &str) -> String {
+pub fn plain(name: &str) -> String {
     name.replace('_', " ")
 }
 
